@@ -72,7 +72,7 @@ def _sources(package: str, stub: Path) -> dict[str, Source]:
 
 
 def _imported(source: Source) -> Any:
-    """A name of a module, or a module of a package."""
+    """Import a name of a module, or a module of a package."""
     module = import_module(source.module)
     if hasattr(module, source.name):
         return getattr(module, source.name)

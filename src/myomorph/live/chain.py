@@ -1,5 +1,6 @@
-"""The chain while frames arrive: pose, torques and tensions of one frame from what has come until
-then.
+"""The chain while frames arrive: pose, torques and tensions of one frame.
+
+They come from what has arrived until then.
 """
 
 from __future__ import annotations
@@ -108,9 +109,11 @@ class ChainFrame:
 
 
 class Poses:
-    """The pose of each frame: inverse kinematics of its markers (`marker_names`: those that model
-    and source share) or of its sensors, whose mounting is known, or its coordinates as they come.
-    `blend`: time constant with which the jump of a lost or found marker is given back [s].
+    """The pose of each frame.
+
+    It is found by inverse kinematics of its markers (`marker_names`: those that model and source
+    share) or of its sensors, whose mounting is known, or its coordinates are taken as they come.
+    `blend` is the time constant with which the jump of a lost or found marker is given back [s].
     """
 
     def __init__(
@@ -163,8 +166,17 @@ class Poses:
         solver.solve(0.01, positions)
 
     def solve(self, time: float, row: Array) -> SteadyFrame:
-        """Pose of a frame: markers (markers, 3) [m], quaternions (sensors, 4), or coordinates of
-        the source's names.
+        """Solve the pose of a frame.
+
+        Parameters
+        ----------
+        time : of the frame [s]
+        row : markers (markers, 3) [m], quaternions (sensors, 4), or coordinates (coordinates,) of
+            the source's names [rad or m]
+
+        Returns
+        -------
+        The pose with its error
         """
         if isinstance(self._kinematics, OnlineOrientations):
             quaternions = row[self._columns]
@@ -191,11 +203,19 @@ class Poses:
 
 
 class LiveChain:
-    """From markers and forces to coordinates, torques, activations. `filter_delay`: how much older
-    torques and tensions are than their frame [s]; `max_age`: frames older than that are dropped
-    [s]; `bodies`: that external forces act on; `limits`: how limits of results are drawn, with
-    errors of the sizes `sources`; None for no limits; `mounting`: of the source's inertial sensors,
-    None for none.
+    """The chain from markers and forces to coordinates, torques, activations.
+
+    Parameters
+    ----------
+    limits : how interval bounds of results are drawn, with errors of the sizes `sources`; None for
+        no bounds
+    mounting : of the source's inertial sensors, None for none
+
+    Attributes
+    ----------
+    filter_delay : how much older torques and tensions are than their frame [s]
+    max_age : frames older than that are dropped [s]
+    bodies : that external forces act on
     """
 
     def __init__(
@@ -277,8 +297,9 @@ class LiveChain:
         return (f"no external forces: what carries '{floating[0].child}' {text}", *missed)
 
     def warm_up(self) -> None:
-        """Compute everything once on the default pose, so that nothing is compiled when the first
-        frame comes.
+        """Compute everything once on the default pose.
+
+        So nothing is compiled when the first frame comes.
         """
         self.poses.warm_up()
         if self._force_rate:
@@ -318,7 +339,13 @@ class LiveChain:
         return last if np.isfinite(last) else -np.inf
 
     def push_forces(self, time: Array, wrenches: Array) -> None:
-        """Take samples of the plates (samples, plates, 6), for frames to come."""
+        """Add samples of the plates, for frames to come.
+
+        Parameters
+        ----------
+        time : (samples,) [s]
+        wrenches : (samples, plates, 6) moment about the ground's origin [N m] and force [N]
+        """
         if not len(time) or not self.bodies:
             return
         self._waiting.extend(zip(time.tolist(), wrenches, strict=True))
@@ -348,8 +375,17 @@ class LiveChain:
         return placed.reshape(-1, 6) if np.isfinite(placed).all() else None
 
     def frame(self, time: float, row: Array) -> ChainFrame:
-        """One frame: markers (markers, 3) [m], or coordinates (coordinates,) of the source's names
-        [rad or m].
+        """Compute one frame.
+
+        Parameters
+        ----------
+        time : of the frame [s]
+        row : markers (markers, 3) [m], or coordinates (coordinates,) of the source's names
+            [rad or m]
+
+        Returns
+        -------
+        Pose, torques and tensions, with interval bounds where they are known
         """
         steady = self.poses.solve(time, row)
         pose = steady.coordinates

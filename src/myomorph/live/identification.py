@@ -1,5 +1,6 @@
-"""`identify --live`: frames arrive, the body takes color, and the subject is asked to move what
-shows most.
+"""`identify --live`: frames arrive, and the body takes color.
+
+The subject is requested to move what would show most.
 """
 
 from __future__ import annotations
@@ -102,9 +103,10 @@ class IdentificationFrame:
 
 
 class LiveIdentification:
-    """Steps of the loop that fold every frame into an estimate, and keep what came. No frame is
-    dropped, and none waits (`max_age` and `newest_force` are infinite), since the estimate itself
-    waits for forces.
+    """Steps of the loop that fold every frame into an estimate, and keep what came.
+
+    No frame is dropped, and none waits (`max_age` and `newest_force` are infinite), since the
+    estimate itself waits for forces.
     """
 
     max_age = newest_force = float("inf")
@@ -144,8 +146,12 @@ class LiveIdentification:
         self.poses.warm_up()
 
     def push_forces(self, time: Array, wrenches: Array) -> None:
-        """Take samples of the plates: (samples,) [s], (samples, plates, 6) moment and force [N m],
-        [N].
+        """Add samples of the plates.
+
+        Parameters
+        ----------
+        time : (samples,) [s]
+        wrenches : (samples, plates, 6) moment about the ground's origin [N m] and force [N]
         """
         totals = wrenches.sum(axis=1)
         self._forces.append((time, totals))
@@ -157,8 +163,17 @@ class LiveIdentification:
         self._waiting.clear()
 
     def frame(self, time: float, row: Array) -> IdentificationFrame:
-        """Fold one frame in: markers (markers, 3) [m], or coordinates of the source's names [rad or
-        m].
+        """Fold one frame in.
+
+        Parameters
+        ----------
+        time : of the frame [s]
+        row : markers (markers, 3) [m], or coordinates (coordinates,) of the source's names
+            [rad or m]
+
+        Returns
+        -------
+        The pose of the frame
         """
         self._pass_on_forces(time)
         identification_frame = IdentificationFrame(time, self.poses.solve(time, row))
@@ -177,7 +192,7 @@ class LiveIdentification:
         self.estimate.finish()
 
     def result(self, seconds: float, busy: float) -> LiveResult:
-        """What the session ends with; raises `BadData` where no frame could be used."""
+        """Return what the session ends with; raises `BadData` where no frame could be used."""
         state = self.estimate.state()
         frames = self._frames
         if not state.fit.frames:
@@ -250,7 +265,13 @@ class Looks:
         self._pause = INTERVAL
 
     def put(self, frame: IdentificationFrame, markers: Array) -> None:
-        """Show a frame's pose, and the estimate where the last look is some time ago."""
+        """Show a frame's pose, and the estimate where the last look is some time ago.
+
+        Parameters
+        ----------
+        frame : that was folded in
+        markers : (markers, 3) as recorded [m]
+        """
         if np.isnan(self._first):
             self._first = frame.time
         if np.isfinite(frame.pose.coordinates).all():
@@ -285,8 +306,9 @@ def run_live(
     surfaces: Mapping[str, Surface] | None = None,
     terminal: bool = True,
 ) -> LiveResult:
-    """Identify while frames arrive (of streams where no recording is given), and show it, where
-    there is a terminal.
+    """Identify while frames arrive, and show it, where there is a terminal.
+
+    The frames are those of streams where no recording is named.
     """
     live = live or LiveOptions()
     source = source_of(recording, live)
@@ -310,7 +332,7 @@ def run_live(
 
 
 def source_of(recording: LiveRecording | None, live: LiveOptions) -> Source:
-    """What the frames come from."""
+    """Open what the frames come from."""
     if live.lsl_markers and live.lsl_forces:
         return LabStreams(live.lsl_markers, live.lsl_forces)
     if live.lsl_markers or live.lsl_forces:
@@ -331,8 +353,9 @@ def live_motions(
     time: tuple[float, float] | None,
     settings: Mapping[str, Any],
 ) -> list[SubjectMotion]:
-    """Motions as they arrive, shown while they do, from recordings one after the other or from
-    streams.
+    """Collect motions as they arrive, shown while they do.
+
+    They come from recordings one after the other or from streams.
     """
     live = with_settings(LiveOptions(), settings)
     online = with_settings(OnlineOptions(), settings)

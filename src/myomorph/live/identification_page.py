@@ -1,5 +1,6 @@
-"""What a subject sees while identification goes on: progress, the body, what to move next; on
-terminal and page.
+"""What a subject sees while identification goes on: progress, the body, what to move next.
+
+It is shown on terminal and page.
 """
 
 from __future__ import annotations
@@ -33,8 +34,9 @@ BAR = 18  # Characters of a bar.
 
 @dataclass(frozen=True)
 class Clock:
-    """How far a live session is: time in the recording, its length where known, and how late it is
-    shown [s].
+    """How far a live session is: time in the recording, its length where known [s].
+
+    It knows too how late the session is shown [s].
     """
 
     now: float
@@ -45,8 +47,17 @@ class Clock:
 def segment_levels(
     names: tuple[str, ...], segments: Mapping[str, Segment], levels: Array
 ) -> dict[str, dict[str, float]]:
-    """Mean level of the links of every segment by side: {"thigh": {"right": 0.8, "left": 0.7},
-    ...}, from the head.
+    """Average the levels of the links of every segment by side.
+
+    Parameters
+    ----------
+    names : of the bodies
+    segments : by body
+    levels : (bodies,) from 0 to 1, NaN where not known
+
+    Returns
+    -------
+    By segment and side, {"thigh": {"right": 0.8, "left": 0.7}, ...}, from the head
     """
     by_segment: dict[str, dict[str, list[float]]] = {}
     for name, level in zip(names, levels, strict=True):
@@ -63,7 +74,10 @@ def segment_levels(
 
 
 def move_next(state: OnlineState, segments: Mapping[str, Segment]) -> str:
-    """The movement that would show most: "left forearm (elbow flexion)"; "" where nothing would."""
+    """Name the movement that would show most: "left forearm (elbow flexion)".
+
+    The text is "" where nothing would.
+    """
     if not state.proposals:
         return ""
     best = state.proposals[0]
@@ -111,7 +125,7 @@ def live_panel(
 
 
 def _bar(level: float) -> Text:
-    """A bar in the color of its level, and the level in percent."""
+    """Draw a bar in the color of its level, and the level in percent."""
     filled = round(BAR * min(max(level, 0.0), 1.0))
     r, g, b = map(int, 255 * level_color(np.array([level]))[0])
     text = Text("█" * filled, style=f"rgb({r},{g},{b})")
@@ -142,7 +156,7 @@ def _rms(errors: Array) -> str:
 def live_markdown(
     state: OnlineState, names: tuple[str, ...], segments: Mapping[str, Segment], at: Clock
 ) -> str:
-    """The same as text for a web page."""
+    """Write the same as text for a web page."""
     moment = state.fit.innovation_rms[:3]
     force = state.fit.innovation_rms[3:]
     facts = (
@@ -170,13 +184,19 @@ class Display(Protocol):
     """Something that shows a session."""
 
     def pose(self, coordinates: Array, markers: Array | None) -> None:
-        """A new frame."""
+        """Show a new frame.
+
+        Parameters
+        ----------
+        coordinates : (coordinates,) [rad or m]
+        markers : (markers, 3) [m], None where the source has none
+        """
 
     def show(self, state: OnlineState, at: Clock) -> None:
-        """A new look at the estimate."""
+        """Show the estimate anew."""
 
     def close(self) -> None:
-        """The session is over."""
+        """End the display with the session."""
 
 
 class TerminalDisplay:
@@ -193,7 +213,13 @@ class TerminalDisplay:
         self._live.start()
 
     def pose(self, coordinates: Array, markers: Array | None) -> None:
-        """Nothing: the terminal is drawn with the next look."""
+        """Do nothing: the terminal is drawn with the next look.
+
+        Parameters
+        ----------
+        coordinates : (coordinates,) [rad or m]
+        markers : (markers, 3) [m], None where the source has none
+        """
 
     def show(self, state: OnlineState, at: Clock) -> None:
         """Draw the body and the numbers."""
@@ -210,8 +236,9 @@ class TerminalDisplay:
 
 
 class WebDisplay(Page):
-    """Draws in a web page: links in colors, markers as points, the numbers,
-    a progress bar. `surfaces`: meshes by `Mesh.file`; without any, limbs are rounds.
+    """Display in a web page: links in colors, markers as points, numbers, a progress bar.
+
+    `surfaces` are meshes by `Mesh.file`; without any, limbs are rounds.
     """
 
     def __init__(
@@ -232,8 +259,12 @@ class WebDisplay(Page):
         sys.stderr.write(f"the body is at {self.address}\n")
 
     def pose(self, coordinates: Array, markers: Array | None) -> None:
-        """Put the body in a pose (coordinates,) and show markers (n, 3) [m], at most thirty times a
-        second.
+        """Put the body in a pose and show markers, at most thirty times a second.
+
+        Parameters
+        ----------
+        coordinates : (coordinates,) [rad or m]
+        markers : (markers, 3) [m], None where the source has none
         """
         if clock.monotonic() - self._drawn > 1.0 / DRAWN:
             with self._server.atomic():

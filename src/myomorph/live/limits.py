@@ -1,9 +1,9 @@
-"""Limits of what `live` gives: its chain on inputs drawn with errors, computed while the next frame
-is awaited.
+"""Interval bounds of the results of `live`.
 
-As the step `uncertainty`, frame by frame and to first order in the pose: errors of markers,
+They come from its chain on inputs drawn with errors, computed while the next frame is awaited. As
+in the step `uncertainty`, but frame by frame and to first order in the pose, errors of markers,
 placement and joints move the pose by the derivatives of inverse kinematics, go through the filter
-of the poses, and what follows is computed in full for every draw. How far limits lie from the
+of the poses, and what follows is computed in full for every draw. How far bounds lie from the
 result changes slowly: a few rounds of draws a second are enough.
 """
 
@@ -102,10 +102,17 @@ class Instant:
 
 
 class LiveLimits:
-    """Draws of the chain beside the frames. `factors`: by which limits of each table are wider than
-    those of the draws; `tried`, `failed`: drawn frames, and how many of these had no solution;
-    `missed`: frames with results for which no limits were known in time; `up`: (3,) against
-    gravity.
+    """Draws of the chain beside the frames.
+
+    Parameters
+    ----------
+    up : (3,) unit vector against gravity
+
+    Attributes
+    ----------
+    factors : by which bounds of each table are wider than those of the draws
+    tried, failed : drawn frames, and how many of these had no solution
+    missed : frames with results for which no bounds were known in time
     """
 
     def __init__(
@@ -197,7 +204,17 @@ class LiveLimits:
         return self._job is not None
 
     def at(self, time: float, result: Array) -> FrameLimits | None:
-        """Limits of a frame with a result (columns,), None where none are known."""
+        """Return the interval bounds of a frame with a result.
+
+        Parameters
+        ----------
+        time : of the frame [s]
+        result : (columns,) coordinates, torques, activations and forces
+
+        Returns
+        -------
+        The bounds, None where none are known
+        """
         if self._found is None:
             return None
         then, apart = self._found
@@ -218,8 +235,9 @@ class LiveLimits:
         )
 
     def _work(self, instant: Instant) -> Iterator[None]:
-        """Errors of the pose, and where it is due, all that follows from them; stops between parts
-        of the work.
+        """Compute errors of the pose, and where it is due, all that follows from them.
+
+        It stops between parts of the work.
         """
         fourth = self._fourth(instant.time, instant.motion[3])
         limits = np.empty((self._count, self._n))
@@ -248,9 +266,10 @@ class LiveLimits:
             self._found = instant.time, self._limits(rows[known] - instant.result)
 
     def _fourth(self, time: float, third: Array) -> Array:
-        """(coordinates,) fourth derivative by the change of the third since the pose before. The
-        filter's own equation has it too, but passes on what lines between frames leave of the
-        recorded motion.
+        """Estimate the fourth derivative (coordinates,) by the change of the third.
+
+        The change is that since the pose before. The filter's own equation has it too, but passes
+        on what lines between frames leave of the recorded motion.
         """
         then, before = self._before
         self._before = (time, third)
@@ -258,8 +277,9 @@ class LiveLimits:
         return (third - before) / gap if 0.0 < gap < NEAR else np.zeros_like(third)
 
     def _limits(self, apart: Array) -> Array:
-        """(3, columns) how far limits lie from the result, its standard deviation, of its errors
-        (draws, columns).
+        """Find how far bounds lie from the result, and its standard deviation, (3, columns).
+
+        They come from its errors (draws, columns).
         """
         low, high = drawn_limits(apart)
         for factor, a, b in zip(self.factors.values(), self._ends, self._ends[1:], strict=False):
@@ -291,8 +311,9 @@ class _Drawn:
         self._tension = OnlineTension(drawn, tension, recruitment=recruitment)
 
     def fill(self, motion: Array, loads: Array, row: Array) -> None:
-        """Fill a row (columns,) with the results of a motion (3, coordinates); NaN without a
-        solution.
+        """Fill a row (columns,) with the results of a motion (3, coordinates).
+
+        It is NaN without a solution.
         """
         solver = self._dynamics
         torques = solver.solve(motion[0], motion[1], motion[2], loads)

@@ -1,5 +1,6 @@
-"""A body in a web page while the chain follows it: bones, muscles by activation, forces, markers,
-and numbers.
+"""A body in a web page while the chain follows it: bones, muscles by activation, forces.
+
+Markers and numbers stand beside.
 """
 
 from __future__ import annotations
@@ -122,8 +123,18 @@ class ChainViewer(Page):
 
 
 def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Array:
-    """(bodies, 2, 3) arrows of forces [m], from the floor, NaN for small ones; `length` for the
-    force `weight`.
+    """Find the arrows of forces, from the floor.
+
+    Parameters
+    ----------
+    wrenches : (bodies, 6) moment about the ground's origin [N m] and force [N]
+    up : (3,) unit vector against gravity
+    weight : of the body [N]
+    length : of the arrow of the force `weight` [m]
+
+    Returns
+    -------
+    (bodies, 2, 3) start and end [m], NaN for small forces
     """
     moments = wrenches[:, :3]
     forces = wrenches[:, 3:]
@@ -135,8 +146,9 @@ def force_ends(wrenches: Array, up: Array, weight: float, length: float) -> Arra
 
 
 class Rows:
-    """Muscles and coordinates that a table tells of: those that were strongest of late, kept for a
-    while.
+    """Muscles and coordinates that a table shows.
+
+    They are those that were strongest of late, kept for a while.
     """
 
     def __init__(self, model: Model):
@@ -149,7 +161,7 @@ class Rows:
         self._chosen: tuple[list[int], list[int]] = ([], [])
 
     def of(self, shown: Shown, now: float) -> tuple[list[int], list[int]]:
-        """Indices of muscles, and of coordinates, at a time [s]."""
+        """Choose the indices of muscles, and of coordinates, at a time [s]."""
         if not shown.state:
             np.maximum(FADE * self._forces, np.nan_to_num(shown.forces), out=self._forces)
             np.maximum(

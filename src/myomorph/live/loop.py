@@ -72,16 +72,29 @@ class Steps(Protocol[FrameOut]):
         """Compute once without effect, so that nothing is compiled when the first frame comes."""
 
     def push_forces(self, time: Array, wrenches: Array) -> None:
-        """Take samples of the plates: (samples,) [s], (samples, plates, 6) moment and force [N m],
-        [N].
+        """Add samples of the plates.
+
+        Parameters
+        ----------
+        time : (samples,) [s]
+        wrenches : (samples, plates, 6) moment about the ground's origin [N m] and force [N]
         """
 
     def restart(self) -> None:
         """Begin anew with the next frame: the clock of the frames was set."""
 
     def frame(self, time: float, row: Array) -> FrameOut:
-        """Compute one frame: markers (markers, 3) [m], or coordinates of the source's names [rad or
-        m].
+        """Compute one frame.
+
+        Parameters
+        ----------
+        time : of the frame [s]
+        row : markers (markers, 3) [m], or coordinates (coordinates,) of the source's names
+            [rad or m]
+
+        Returns
+        -------
+        The result of the frame
         """
 
     def idle(self) -> bool:
@@ -92,7 +105,13 @@ class Output(Protocol[FrameIn]):
     """Something that takes results as they come."""
 
     def put(self, frame: FrameIn, markers: Array) -> None:
-        """One frame, with what was recorded; returns at once."""
+        """Put out one frame, with what was recorded; return at once.
+
+        Parameters
+        ----------
+        frame : the result
+        markers : (markers, 3) as recorded [m], or coordinates (coordinates,) [rad or m]
+        """
 
 
 @dataclass(frozen=True)
@@ -105,7 +124,16 @@ class Spread:
 
     @staticmethod
     def of(values: Array) -> Spread:
-        """Of those values that are finite."""
+        """Describe the values that are finite.
+
+        Parameters
+        ----------
+        values : (n,)
+
+        Returns
+        -------
+        Median, 99th percentile and maximum, NaN where no value is finite
+        """
         known = values[np.isfinite(values)]
         if not len(known):
             return Spread(float("nan"), float("nan"), float("nan"))
@@ -122,8 +150,9 @@ class Spread:
 
 
 class Delays:
-    """Times of every frame, 40 bytes each. `dropped`: frames that came and were left out because
-    newer ones waited.
+    """Times of every frame, 40 bytes each.
+
+    `dropped` counts frames that came and were left out because newer ones waited.
     """
 
     WIDTH = 5  # Numbers of a row.
@@ -134,7 +163,17 @@ class Delays:
 
     @classmethod
     def of_table(cls, table: Array, dropped: int) -> Delays:
-        """Make them of rows (frames, 5) that were stored."""
+        """Make them of stored rows.
+
+        Parameters
+        ----------
+        table : (frames, 5) time, taken, age, busy [s] and state, as of `add`
+        dropped : frames that were left out
+
+        Returns
+        -------
+        The delays of all rows
+        """
         delays = cls()
         delays.dropped = dropped
         delays._rows.extend(np.asarray(table, np.float64).ravel().tolist())
@@ -145,9 +184,15 @@ class Delays:
         return self._rows[self.WIDTH * index : self.WIDTH * (index + 1)].tolist()
 
     def add(self, time: float, taken: float, age: float, busy: float, state: int) -> None:
-        """One frame. `time`: of the frame [s]; `taken`, `age`: how long after it was there it was
-        taken, and its result given out; nan where nobody knows [s]; `busy`: what its computation
-        took [s]; `state`: index into `STATES`.
+        """Add one frame.
+
+        Parameters
+        ----------
+        time : of the frame [s]
+        taken, age : how long after it was there it was taken, and its result given out [s]; nan
+            where nobody knows
+        busy : what its computation took [s]
+        state : index into `STATES`
         """
         self._rows.extend((time, taken, age, busy, state))
 
@@ -170,8 +215,9 @@ class Delays:
         return Spread.of(self.table[:, 3])
 
     def recent(self, frames: int) -> Spread:
-        """`end_to_end` of the newest frames, or the computation alone where nobody knows when they
-        were there.
+        """Return `end_to_end` of the newest frames.
+
+        It is the computation alone where nobody knows when they were there.
         """
         newest = np.array(self._rows[-5 * frames :]).reshape(-1, 5)
         return Spread.of(newest[:, 2] if np.isfinite(newest[:, 2]).any() else newest[:, 3])
@@ -193,7 +239,7 @@ class LiveSession:
     interrupted: bool = False  # whether it was ended by Ctrl-C
 
     def summary(self) -> tuple[str, ...]:
-        """A few lines for the end."""
+        """Write a few lines for the end."""
         delays = self.delays
         counts = {STATES[state]: count for state, count in delays.states().items()}
         solved = counts.pop("solved", 0)
@@ -218,9 +264,16 @@ def follow(
     delays: Delays | None = None,
     now: Callable[[], float] = clock.perf_counter,
 ) -> LiveSession:
-    """Take frames from a source until it is done, or Ctrl-C is pressed. `outputs`: what a result
-    must have reached before it counts as given out; `late`: what it reaches after that; `delays`:
-    to be filled, where another looks at them.
+    """Take frames from a source until it is done, or Ctrl-C is pressed.
+
+    Parameters
+    ----------
+    steps : what is computed of each frame
+    source : of the frames
+    outputs : what a result must have reached before it counts as given out
+    late : what it reaches after that
+    delays : to be filled, where another looks at them
+    now : the clock [s]
     """
     delays = Delays() if delays is None else delays
     interrupted = False
@@ -250,8 +303,9 @@ def follow(
 
 @contextmanager
 def uncollected_past() -> Iterator[None]:
-    """What is alive now is no garbage: collections that look through it all take as long as several
-    frames.
+    """Declare that what is alive now is no garbage.
+
+    Collections that look through it all take as long as several frames.
     """
     gc.collect()
     gc.freeze()
@@ -276,7 +330,7 @@ class _Waiting:
         return source.age(self.sent) - self.stamp.late
 
     def after(self, dropped: _Waiting) -> _Waiting:
-        """The same where the frame before it was dropped."""
+        """Return the frame as it is where the one before it was dropped."""
         if not dropped.stamp.restarts:
             return self
         return replace(self, stamp=replace(self.stamp, restarts=True))

@@ -1,8 +1,7 @@
-"""Errors of the poses of live frames, of all draws at once, by the derivatives of inverse
-kinematics.
+"""Errors of the poses of live frames, of all draws at once.
 
-Markers move on skin and are misplaced, joints are elsewhere; of a body without markers, angles have
-errors themselves.
+They come from the derivatives of inverse kinematics. Markers move on skin and are misplaced, joints
+are elsewhere; of a body without markers, angles have errors themselves.
 """
 
 from __future__ import annotations
@@ -28,9 +27,11 @@ FORGETS = 6.0  # Delays after which the filter of noise has forgotten how it beg
 
 
 class SlowNoise:
-    """Standard normal noise, `count` numbers at a rate of about [Hz], correlated by a bell of SD
-    `width` [s]: white noise through the filter of poses, nearly a Gaussian. Of a Bessel filter of
-    fourth order with delay T, |H|^2 is nearly exp(-w^2 T^2 / 7): a Gaussian of T / sqrt(7).
+    """Standard normal noise that is correlated over time.
+
+    It has `count` numbers at a rate of about [Hz], correlated by a bell of SD `width` [s]: white
+    noise through the filter of poses, nearly a Gaussian. Of a Bessel filter of fourth order with
+    delay T, |H|^2 is nearly exp(-w^2 T^2 / 7): a Gaussian of T / sqrt(7).
     """
 
     def __init__(self, width: float, count: int, seed: int, rate: float):
@@ -58,7 +59,16 @@ class SlowNoise:
         self._stream.push(np.array([self._clock]), self._random.standard_normal((1, self._count)))
 
     def at(self, time: float) -> Array:
-        """(count,) numbers at a time, or up to a step after it [s]."""
+        """Draw the numbers at a time, or up to a step after it.
+
+        Parameters
+        ----------
+        time : [s]
+
+        Returns
+        -------
+        (count,)
+        """
         if not abs(time - self._until) < self._most * self._step:
             self._until = time
         while self._until < time - 1e-6:
@@ -68,10 +78,13 @@ class SlowNoise:
 
 
 class MarkerErrors:
-    """Errors of poses that markers show, by the trees of each draw's model; `names` of the markers
-    that arrive, None for those of the model, in poses that arrive themselves. `rate` [Hz] of poses
-    drawn; `thinned`, their share of the frames: of the variance of the cameras' noise so much is
-    left.
+    """Errors of poses that markers show, by the trees of each draw's model.
+
+    Parameters
+    ----------
+    names : of the markers that arrive, None for those of the model, in poses that arrive themselves
+    rate : of poses drawn [Hz]
+    thinned : their share of the frames: of the variance of the cameras' noise so much is left
     """
 
     def __init__(
@@ -112,7 +125,19 @@ class MarkerErrors:
         self._squares[:] = self._seen[:] = 0.0
 
     def fill(self, time: float, pose: Array, row: Array, errors: Array) -> Iterator[None]:
-        """Fill errors (draws, coordinates) of a pose; stops between parts of the work."""
+        """Fill in the errors of a pose; stop between parts of the work.
+
+        Parameters
+        ----------
+        time : of the frame [s]
+        pose : (coordinates,) [rad or m]
+        row : (markers, 3) as recorded [m], or coordinates
+        errors : (draws, coordinates) to be filled [rad or m]
+
+        Yields
+        ------
+        None between the parts
+        """
         seen = np.ones(len(self._names), np.bool_)
         if not self._posed:
             seen[:] = np.isfinite(row[self._columns]).all(axis=1)
@@ -134,8 +159,9 @@ class MarkerErrors:
         errors[:] = apart.reshape(len(apart), -1) @ slopes.T
 
     def _moved(self, time: float) -> Array:
-        """(draws, markers, 3) how far markers are from where they would be seen without noise and
-        skin [m].
+        """Draw how far markers are from where they should be, (draws, markers, 3) [m].
+
+        They should be where they would be seen without noise and skin.
         """
         residuals = np.sqrt(self._squares / np.maximum(self._seen, 1.0))
         by_name = skin_sizes(
@@ -152,8 +178,9 @@ class MarkerErrors:
 
 
 class AngleErrors:
-    """Errors of angles of a body without markers, as of `drawn_angles`; `rate` as of
-    `MarkerErrors`.
+    """Errors of angles of a body without markers, as of `drawn_angles`.
+
+    `rate` is as of `MarkerErrors`.
     """
 
     def __init__(self, model: Model, draws: Sequence[Draw], rate: float):
@@ -170,7 +197,19 @@ class AngleErrors:
         """Begin anew with the next frame: nothing is kept."""
 
     def fill(self, time: float, pose: Array, row: Array, errors: Array) -> Iterator[None]:
-        """Fill errors (draws, coordinates) of a pose."""
+        """Fill in the errors of a pose.
+
+        Parameters
+        ----------
+        time : of the frame [s]
+        pose : (coordinates,) [rad or m]
+        row : (coordinates,) as recorded
+        errors : (draws, coordinates) to be filled [rad or m]
+
+        Yields
+        ------
+        None, once
+        """
         errors[:] = self._sizes * self._noise.at(time).reshape(errors.shape)
         yield
 
@@ -195,8 +234,9 @@ CARRIES = 1.0  # Vertical force from which on a center of pressure is taken from
 
 
 class OnlineInputs:
-    """What a causal filter with a delay [s] gives, with the errors of all draws but those of the
-    pose.
+    """The output of a causal filter with a delay [s], with the errors of all draws.
+
+    Those of the pose are not among them.
     """
 
     def __init__(self, draws: Sequence[Draw], bodies: Sequence[str], delay: float, up: Array):
@@ -212,14 +252,29 @@ class OnlineInputs:
         self._smooth = delay**2 * (ratios**2 - 1.0) / 14.0
 
     def motion(self, motion: Array) -> Array:
-        """(draws, 3, coordinates) value, velocity and acceleration through other filters, of five
-        derivatives.
+        """Draw value, velocity and acceleration as through other filters.
+
+        Parameters
+        ----------
+        motion : (5, coordinates) value and four derivatives [rad or m, s]
+
+        Returns
+        -------
+        (draws, 3, coordinates)
         """
         return np.asarray(motion[:3] + self._smooth[:, None, None] * motion[2:])
 
     def loads(self, loads: Array) -> Array:
-        """(draws, bodies, 6) wrenches of plates that stand elsewhere, with other gains, clocks and
-        filters, of filtered ones and their first two derivatives (3, bodies, 6).
+        """Draw wrenches of plates that stand elsewhere, with other gains, clocks and filters.
+
+        Parameters
+        ----------
+        loads : (3, bodies, 6) filtered moment about the ground's origin [N m] and force [N], and
+            their first two derivatives
+
+        Returns
+        -------
+        (draws, bodies, 6)
         """
         shifted = (
             loads[0] + self._smooth[:, None, None] * loads[2] - self._late[:, None, None] * loads[1]
@@ -269,8 +324,16 @@ class SlopeFinder:
         self._posture = options.posture_weight
 
     def at(self, coordinates: Array, seen: np.ndarray) -> Array:
-        """(frames, coordinates, 3 markers) derivatives at poses [rad/m or 1]; what is not seen has
-        none.
+        """Compute the derivatives of coordinates by markers at poses.
+
+        Parameters
+        ----------
+        coordinates : (frames, coordinates) [rad or m]
+        seen : (frames, markers) whether each is seen; what is not seen has no derivative
+
+        Returns
+        -------
+        (frames, coordinates, 3 markers) [rad/m or 1]
         """
         blocks = range(0, len(coordinates), BLOCK)
         parts = [

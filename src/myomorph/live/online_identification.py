@@ -1,5 +1,6 @@
-"""Identification while motion and forces arrive: filter, derivatives, regressor and one more frame
-of the estimate.
+"""Identification while motion and forces arrive.
+
+It has filter, derivatives, regressor and one more frame of the estimate.
 """
 
 from __future__ import annotations
@@ -63,10 +64,14 @@ class OnlineState:
 
 
 class OnlineIdentification:
-    """Takes coordinates and total external wrenches as they come; see `OnlineOptions`.
-    `rate`: of the motion's frames [Hz]; `force_rate`: of the forces' samples [Hz]; `mass`: of the
-    subject, to tell contacts beside the plates; the model's by default [kg]; `held`: coordinates
-    that do not move, with their values; by default the locked ones.
+    """Estimate from coordinates and total external wrenches as they come; see `OnlineOptions`.
+
+    Parameters
+    ----------
+    rate : of the motion's frames [Hz]
+    force_rate : of the forces' samples [Hz]
+    mass : of the subject, to find contacts beside the plates; the model's by default [kg]
+    held : coordinates that do not move, with their values; by default the locked ones
     """
 
     def __init__(
@@ -111,7 +116,13 @@ class OnlineIdentification:
         return max(self.filter.delay, self.force_filter.delay)
 
     def push_motion(self, time: float, coordinates: Array) -> None:
-        """Add a frame of coordinates (coordinates,), NaN where they are not known."""
+        """Add a frame of coordinates.
+
+        Parameters
+        ----------
+        time : of the frame [s]
+        coordinates : (coordinates,) [rad or m], NaN where they are not known
+        """
         self.frames += 1
         self._motion.push(time, coordinates)
         if np.isfinite(coordinates).all():
@@ -121,8 +132,12 @@ class OnlineIdentification:
         self._settle()
 
     def push_force(self, time: float, wrench: Array) -> None:
-        """Add a sample of the total external wrench (6,): moment about the ground's origin [N m],
-        force [N].
+        """Add a sample of the total external wrench.
+
+        Parameters
+        ----------
+        time : of the sample [s]
+        wrench : (6,) moment about the ground's origin [N m], force [N]
         """
         self._force.push(time, wrench)
         if self._force.full:
@@ -136,8 +151,9 @@ class OnlineIdentification:
         self._waiting.clear()
 
     def warm_up(self) -> None:
-        """Do everything once without effect, so that nothing is compiled when the first frame
-        comes.
+        """Do everything once without effect.
+
+        So nothing is compiled when the first frame comes.
         """
         still = Motion(
             time=np.zeros(1),
@@ -159,7 +175,7 @@ class OnlineIdentification:
         self._waiting.clear()
 
     def state(self, most: int = 1) -> OnlineState:
-        """What is known by now, and `most` movements that would show more."""
+        """Return what is known by now, and `most` movements that would show more."""
         fit = self.fit.state()
         levels = np.array([fit.link_levels[name] for name in self.model.body_names])
         return OnlineState(
@@ -184,8 +200,9 @@ class OnlineIdentification:
             self._fold(time, filtered, np.full(6, np.nan) if wrench is None else wrench)
 
     def _force_at(self, time: float) -> Array | None:
-        """(6,) filtered wrench at a time, between its neighbours; None where they are not there
-        (yet).
+        """Interpolate the filtered wrench (6,) at a time.
+
+        It is None where its neighbors are not there (yet).
         """
         forces = self._forces
         # Frames come in order: what lies before the last two samples up to this frame is done with.
@@ -231,9 +248,24 @@ class OnlineIdentification:
 
 
 def total_wrench(forces: Array, points: Array, torques: Array) -> Array:
-    """(..., 6) moment about the ground's origin [N m] and force [N] of wrenches (..., wrenches, 3).
+    """Sum wrenches to one about the ground's origin.
+
     A plate with less than `UNLOADED` may have no point of application; a loaded one without makes
     the total NaN.
+
+    Parameters
+    ----------
+    forces : (..., wrenches, 3) [N]
+    points : (..., wrenches, 3) of application [m]
+    torques : (..., wrenches, 3) about the points [N m]
+
+    Returns
+    -------
+    (..., 6) moment about the ground's origin [N m] and force [N]
+
+    Raises
+    ------
+    BadData : shapes differ, or the last axis has not three components
     """
     forces = np.asarray(forces, dtype=np.float64)
     points = np.asarray(points, dtype=np.float64)

@@ -66,7 +66,13 @@ class LivePage:
         )
 
     def put(self, frame: ChainFrame, markers: Array) -> None:
-        """Send a frame, unless the page still draws another; a page that is gone is left."""
+        """Send a frame, unless the page still draws another; a page that is gone is left.
+
+        Parameters
+        ----------
+        frame : the result
+        markers : (markers, 3) as recorded [m]
+        """
         now = clock.perf_counter()
         if now - self._drawn < 1.0 / DRAWN:
             return
@@ -124,7 +130,7 @@ class LivePage:
 def _serve(
     pipe: Connection, model: Model, surfaces: Mapping[str, Surface], port: int, wrenches: int
 ) -> None:
-    """The page's process: draw what comes, until nothing more does."""
+    """Run the page's process: draw what comes, until nothing more does."""
     # The process that computes goes first where both want the same core.
     with contextlib.suppress(psutil.Error, OSError):
         psutil.Process().nice(getattr(psutil, "BELOW_NORMAL_PRIORITY_CLASS", 10))

@@ -1,5 +1,6 @@
-"""`live`: from files or streams to a page, a stream, and a folder of tables, one result file and
-delays.
+"""`live`: from files or streams to a page, a stream, and a folder of results.
+
+The folder holds tables, one result file and delays.
 """
 
 from __future__ import annotations
@@ -68,8 +69,9 @@ class LiveStreams:
 
 @dataclass(frozen=True)
 class LiveSensors:
-    """Inertial sensors of files that are played, or of a stream (`stream`, its name). Their
-    mounting and headings are found on a recording that begins with the calibration pose
+    """Inertial sensors of files that are played, or of a stream (`stream`, its name).
+
+    Their mounting and headings are found on a recording that begins with the calibration pose
     (`settings.imu_pose`), walking behind it where headings are not named.
     """
 
@@ -98,9 +100,18 @@ def run_live_chain(
     limits: LimitOptions | None = None,
     sources: Sources | None = None,
 ) -> LiveSession:
-    """Follow a recording or streams until they end. `limits`: how limits of results are drawn, with
-    errors of the sizes in `sources`; None for no limits; `said`: called with a line for every place
-    where results can be seen.
+    """Follow a recording or streams until they end.
+
+    Parameters
+    ----------
+    model : OpenSim (.osim) or MuJoCo (.xml) file
+    live_files : what the frames come from
+    outputs : page, stream and folder
+    options : of the chain
+    tension : options of muscle tensions
+    said : called with a line for every place where results can be seen
+    limits : how interval bounds of results are drawn; None for no bounds
+    sources : sizes of the errors that they are drawn with
     """
     outputs = outputs or LiveOutputs()
     opened = reading.open_model(model)

@@ -98,13 +98,22 @@ class _Swings(NamedTuple):
 
 class SequentialFit:
     """Recursive least squares in square-root form: R phi_B = z, row by row of the base wrench.
+
     A frame's six rows are turned into the triangular factor by Householder reflections, which is
     the batch's QR decomposition continued: both end in the same numbers. `update` changes this
-    object. `base`: by default the model's, its locked coordinates at rest; `sigma` (6,) or one
-    number, noise of the rows of the base wrench [N m], [N]. Where successive frames are not
-    independent (filtered, sampled fast), times the root of the frames that make one sample;
-    `forgetting`: below 1, frames T ago weigh forgetting^T: for bodies or plates that change.
-    `base`: what is estimated; `sizes` (n,) how large each base parameter is in the model.
+    object.
+
+    Parameters
+    ----------
+    base : what is estimated; by default the model's base parameters, its locked coordinates at rest
+    sigma : (6,) or one number, noise of the rows of the base wrench [N m], [N]. Where successive
+        frames are not independent (filtered, sampled fast), times the root of the frames that make
+        one sample
+    forgetting : below 1, frames T ago weigh forgetting^T: for bodies or plates that change
+
+    Attributes
+    ----------
+    sizes : (n,) how large each base parameter is in the model
     """
 
     def __init__(
@@ -145,10 +154,19 @@ class SequentialFit:
         self._swings: _Swings | None = None
 
     def update(self, rows: Array, wrench: Array) -> Array:
-        """Fold in one frame; returns the error of the wrench predicted before, (6,) [N m], [N].
+        """Fold in one frame, and return the error of the wrench predicted before.
+
         The prediction uses an estimate that lags by at most a tenth of the frames, and 100 of them.
-        A frame with anything missing is left out and its error is NaN. `rows` (6, 10 bodies) of
-        `base_regressor`; `wrench` (6,) of `base_wrench`.
+        A frame with anything missing is left out.
+
+        Parameters
+        ----------
+        rows : (6, 10 bodies) of `base_regressor`
+        wrench : (6,) of `base_wrench` [N m], [N]
+
+        Returns
+        -------
+        (6,) [N m], [N]; NaN where the frame is left out
         """
         columns = rows[:, self.base.columns]
         if not (np.isfinite(wrench).all() and np.isfinite(columns).all()):
@@ -179,7 +197,12 @@ class SequentialFit:
         return R
 
     def rows(self) -> tuple[Array, Array]:
-        """(A (n, 10 bodies), b (n,)) as `BaseFit.rows`: |A phi - b|^2 is the data's misfit."""
+        """Return rows as `BaseFit.rows`: |A phi - b|^2 is the data's misfit.
+
+        Returns
+        -------
+        A (n, 10 bodies) and b (n,)
+        """
         return self._factor[:, :-1] @ self.base.combination, self._factor[:, -1].copy()
 
     def state(self) -> SequentialState:
@@ -208,11 +231,12 @@ class SequentialFit:
         )
 
     def propose(self, most: int = 3) -> tuple[Proposal, ...]:
-        """The coordinates whose movement would show most of what is not known yet, the best first.
-        The information of a slow swing of each coordinate alone, log det(I + Y_B P Y_B^T / sigma^2)
-        with the covariance P so far, had the model's parameters been right to within their sizes.
-        The swings are about the model's default pose. The joints of the base to the ground are not
-        proposed.
+        """Propose the coordinates whose movement would show most of what is not known yet.
+
+        The best comes first. The information is that of a slow swing of each coordinate alone, log
+        det(I + Y_B P Y_B^T / sigma^2) with the covariance P so far, had the model's parameters been
+        right to within their sizes. The swings are about the model's default pose. The joints of
+        the base to the ground are not proposed.
         """
         if self._swings is None:
             self._swings = self._prepare()

@@ -67,8 +67,9 @@ class Source(Protocol):
 
 
 class Replay:
-    """A recording and external forces in ground that are played, at `speed` times real time, 0 as
-    fast as it goes.
+    """A recording and external forces in ground that are played.
+
+    They are played at `speed` times real time, 0 as fast as it goes.
     """
 
     def __init__(
@@ -178,9 +179,17 @@ def open_recording(
     time: tuple[float, float] | None = None,
     labels: Mapping[str, str] | None = None,
 ) -> LiveRecording:
-    """Files to play: markers (.trc, .c3d) or coordinates (.mot, .sto), and an external loads file,
-    or a table of plates; None for the plates of a C3D file, or for no forces. `labels`: what the
-    model calls markers that the recording calls otherwise, "" for those to leave out.
+    """Open files to play.
+
+    Parameters
+    ----------
+    model : that the recording is of
+    motion : markers (.trc, .c3d) or coordinates (.mot, .sto)
+    loads : an external loads file, or a table of plates; None for the plates of a C3D file, or for
+        no forces
+    time : first and last time to play [s]
+    labels : what the model calls markers that the recording calls otherwise, "" for those to leave
+        out
     """
     series: Markers | Motion
     wrenches: Wrenches | None = None
@@ -203,7 +212,8 @@ def open_recording(
 
 
 def read_forces_of(model: Model, loads: Path, posed: Motion) -> Wrenches:
-    """The forces of a table of plates or of external loads; `posed` moves bodies in whose frames
-    these are.
+    """Read the forces of a table of plates or of external loads.
+
+    `posed` moves bodies in whose frames these are.
     """
     return force_table(loads) if loads.suffix.lower() in TABLES else read_loads(loads, model, posed)

@@ -1,5 +1,6 @@
-"""Streams of the Lab Streaming Layer: what comes in, what its channels mean, and results that go
-out.
+"""Streams of the Lab Streaming Layer: what comes in, and results that go out.
+
+What the channels mean stands here too.
 """
 
 from __future__ import annotations
@@ -40,8 +41,21 @@ _UNITS: Mapping[str, float] = {
 def marker_channels(
     labels: Sequence[str], units: Sequence[str], axes: str = "xyz"
 ) -> tuple[tuple[str, ...], np.ndarray, float]:
-    """Names of markers, (markers, 3) channels, the factor to metres; of sensors, with axes wxyz,
-    the same.
+    """Find the channels of markers, or of sensors with axes "wxyz".
+
+    Parameters
+    ----------
+    labels : of the channels
+    units : of the channels
+    axes : "xyz" of markers, "wxyz" of sensors
+
+    Returns
+    -------
+    Names, (markers, 3) or (sensors, 4) channels, and the factor to metres, 1 of sensors
+
+    Raises
+    ------
+    BadData : channels without the axes, or in no unit of length
     """
     kind = "markers" if axes == "xyz" else "sensors"
     channels: dict[str, dict[str, int]] = {}
@@ -73,8 +87,21 @@ def marker_channels(
 def force_channels(
     labels: Sequence[str], units: Sequence[str]
 ) -> tuple[tuple[str, ...], Callable[[Array], Array]]:
-    """Names of plates, and a function from samples (samples, channels) to their wrenches (samples,
-    plates, 6). Wrenches are moments about the ground's origin [N m] and forces [N].
+    """Find the channels of plates.
+
+    Parameters
+    ----------
+    labels : of the channels
+    units : of the channels
+
+    Returns
+    -------
+    Names of plates, and a function from samples (samples, channels) to their wrenches (samples,
+        plates, 6): moments about the ground's origin [N m] and forces [N]
+
+    Raises
+    ------
+    BadData : no plate, a plate without some of its channels, or points in no unit of length
     """
     plate_channels: dict[str, dict[str, int]] = {}
     for i, label in enumerate(labels):
@@ -204,7 +231,7 @@ class LabStreams:
 
 
 def streaming_library() -> Any:
-    """The package `pylsl`; raises `MyomorphError` where it is not installed."""
+    """Return the package `pylsl`; raises `MyomorphError` where it is not installed."""
     try:
         # Brings pylsl: loaded only where it is needed.
         import pylsl
@@ -261,7 +288,7 @@ class _Stream:
                 self._early = (sample, time)
 
     def pulled(self) -> tuple[Array, Array]:
-        """Times (samples,) [s] and samples (samples, channels) since the last call."""
+        """Return times (samples,) [s] and samples (samples, channels) since the last call."""
         samples, times = self._inlet.pull_chunk(timeout=0.0, max_samples=4096)
         if self._early is not None:
             samples = [self._early[0], *samples]
@@ -329,7 +356,13 @@ class LabOutlet:
         self._row = np.empty(len(channels))
 
     def put(self, frame: ChainFrame, markers: Array) -> None:
-        """Send one frame."""
+        """Send one frame.
+
+        Parameters
+        ----------
+        frame : the result
+        markers : (markers, 3) as recorded [m], which are not sent
+        """
         results = frame.coordinates, frame.torques, frame.tension.activations
         self._row[: self._results] = np.concatenate(results)
         if self._limited:

@@ -1,8 +1,7 @@
-"""What measurement and model leave uncertain: sources of error, inputs drawn with them, the spread
-of what comes out.
+"""The uncertainty of measurement and model: sources of error, drawn inputs, spread of results.
 
 Here live how large each source is taken to be, random inputs (a model, markers, forces) around
-those that were given, and the statistics of draws. Never a step of the chain itself:
+those of a study, and the statistics of draws. A step of the chain itself never stands here:
 `lab/study/trial` runs it on what is drawn here.
 """
 

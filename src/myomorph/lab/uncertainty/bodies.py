@@ -44,12 +44,18 @@ class Draw:
     found: ErrorSizes = NOTHING
 
     def of(self, source: str, name: str, size: int = 1, item: str = "") -> Array:
-        """(size,) errors of a source in its own unit, constant over the recording.
+        """Draw errors of a source, constant over the recording.
 
         Parameters
         ----------
+        source : of error, a field of `Sources`
         name : whose random numbers they are
+        size : how many
         item : by which sizes are found, where it is not the name
+
+        Returns
+        -------
+        (size,) in the source's own unit
         """
         scale = getattr(self.sources, source)
         if not scale:
@@ -61,12 +67,12 @@ class Draw:
         return np.asarray(scale * self.normals.of(self.number, source, name, size))
 
     def factor(self, source: str, name: str) -> float:
-        """A positive factor around 1 whose logarithm has the source's size."""
+        """Draw a positive factor around 1 whose logarithm has the source's size."""
         return float(np.exp(self.of(source, name)[0]))
 
 
 def drawn_model(model: Model, draw: Draw) -> Model:
-    """The model with errors of its own in all that it says of the body."""
+    """Draw the model with errors of its own in all that it says of the body."""
     has = draw.sources
     parts = dict[str, Any]()
     if has.body_mass or has.segment_mass or has.mass_center or has.inertia:
@@ -95,17 +101,16 @@ def drawn_model(model: Model, draw: Draw) -> Model:
 
 
 def drawn_subject(model: Model, draw: Draw) -> Model:
-    """A drawn model whose tendons are fitted to its paths and fibers, and compiled as the one that
-    was given.
+    """Draw a model whose tendons are fitted to its paths and fibers, and compile it as the first.
 
     The model's author chose slack lengths so that fibers are as long in the default pose as they
     should be. A path with a point elsewhere, or another fiber, would have got another tendon; with
-    the old one it would stretch fibers to where they tear. How far off the fit itself is says the
-    source `slack_length`.
+    the old one it would stretch fibers to where they tear. The source `slack_length` says how far
+    off the fit itself is.
 
     Parameters
     ----------
-    model : as it was given
+    model : without errors
     draw : which errors
 
     Returns
@@ -143,8 +148,9 @@ def drawn_subject(model: Model, draw: Draw) -> Model:
 
 
 def _with_fitted_tendons(made: Model, model: Model) -> Model:
-    """Slack lengths with which normalized fiber lengths in the default pose are those of the model
-    that was given.
+    """Fit slack lengths to the fibers of the model without errors.
+
+    Normalized fiber lengths in the default pose become those of that model.
     """
     muscles = []
     for muscle, old, length, before in zip(
@@ -166,7 +172,7 @@ _lengths = Latest(default_path_lengths)
 
 
 def stronger(model: Model, factor: float) -> Model:
-    """The same with all muscles stronger, compiled as the one that was given."""
+    """Make all muscles stronger, and compile the model as the first."""
     muscles = (
         changed(muscle, max_isometric_force=factor * muscle.max_isometric_force)
         for muscle in model.muscles
@@ -198,9 +204,7 @@ def _body(body: Body, mass: float, draw: Draw) -> Body:
 
 
 def _joint(joint: Joint, draw: Draw) -> Joint:
-    """A joint that moves about another center and other axes, and leaves the default pose as it
-    was.
-    """
+    """Move the center and the axes of a joint, and leave the default pose as it was."""
     if not joint.coordinates:
         return joint
     off = Transform(
@@ -233,6 +237,11 @@ def has_drawn_paths(sources: Sources) -> bool:
 def drawn_patellae(model: Model, draw: Draw) -> Mapping[str, Array]:
     """Draw how far patellae lie elsewhere: each by itself, and both farther out or nearer.
 
+    Parameters
+    ----------
+    model : with the patellae
+    draw : which errors
+
     Returns
     -------
     by body, (3,) in its axes [m]
@@ -246,7 +255,7 @@ def drawn_patellae(model: Model, draw: Draw) -> Mapping[str, Array]:
 
 
 def _muscle(muscle: Muscle, moves: Mapping[str, Array], draw: Draw) -> Muscle:
-    """A muscle with errors of its own; `moves` as of `drawn_patellae`."""
+    """Draw a muscle with errors of its own; `moves` as of `drawn_patellae`."""
     name = muscle.name
     slack = muscle.tendon_slack_length + muscle.optimal_fiber_length * float(
         draw.of("slack_length", name)[0]
@@ -261,7 +270,7 @@ def _muscle(muscle: Muscle, moves: Mapping[str, Array], draw: Draw) -> Muscle:
 
 
 def _path(path: Path, muscle: str, moves: Mapping[str, Array], draw: Draw) -> Path:
-    """A path through other points; those that coordinates move stay."""
+    """Draw a path through other points; those that coordinates move stay."""
 
     def moved(index: int, point: PathPoint) -> PathPoint:
         error = draw.of("attachment", f"{muscle} {index}", 3, f"{muscle}/{point.name}")
@@ -286,8 +295,9 @@ def _surface(surface: WrapObject, draw: Draw) -> WrapObject:
 
 @read_only
 class Leg:
-    """A leg that is bowed about unit vectors fore-aft on thigh and shank; centers of hip and ankle
-    on these [m].
+    """A leg that is bowed about unit vectors fore-aft on thigh and shank.
+
+    It has the centers of hip and ankle on these [m].
     """
 
     thigh: str
@@ -299,8 +309,9 @@ class Leg:
 
 
 def _legs(model: Model) -> Mapping[str, Leg]:
-    """Legs by the names of their knees; those without a hip or an ankle, or whose knee does not
-    turn, are left out.
+    """Find the legs by the names of their knees.
+
+    Those without a hip or an ankle, or whose knee does not turn, are left out.
     """
     return FrozenMap(
         {knee.name: leg for knee in knee_joints(model) if (leg := _leg(model, knee)) is not None}
@@ -333,8 +344,9 @@ legs_of = Latest(_legs)
 
 
 def bowed_knee(knee: Joint, leg: Leg, angle: float) -> Joint:
-    """A knee whose axes are turned on the shank, about its center [rad]: so that the shank turns
-    the other way.
+    """Turn the axes of a knee on the shank, about its center [rad].
+
+    So the shank turns the other way.
     """
     frame = knee.child_frame
     turned = axis_rotation(leg.on_shank, angle) @ frame.rotation
@@ -342,8 +354,9 @@ def bowed_knee(knee: Joint, leg: Leg, angle: float) -> Joint:
 
 
 def beside_bowed_bones(marker: Marker, leg: Leg, angle: float) -> Marker:
-    """A marker where it was seen: hip and ankle stay and the knee moves out, half of the angle in
-    each bone.
+    """Leave a marker where it was seen beside bowed bones.
+
+    Hip and ankle stay and the knee moves out, by half of the angle in each bone.
     """
     if marker.body == leg.thigh:
         return _turned(marker, leg.hip, leg.on_thigh, -0.5 * angle)

@@ -34,9 +34,10 @@ the rest alone.
 def skin_sizes(
     model: Model, draw: Draw, residuals: Mapping[str, float]
 ) -> dict[str, tuple[float, float]]:
-    """Standard deviation along each axis [m] of the skin under every marker: of its segment, and of
-    its own, at least as large as the marker's root mean square distance from the model in this
-    recording leaves it.
+    """Find the standard deviations along each axis of the skin under every marker [m].
+
+    They are that of its segment, and its own, at least as large as the marker's root mean square
+    distance from the model in this recording leaves it.
     """
     try:
         segments = segments_of(model)
@@ -105,8 +106,18 @@ def drawn_markers(
 
 
 def drawn_rotations(rotations: Array, sensors: Sequence[str], time: Array, draw: Draw) -> Array:
-    """Rotations of bodies (frames, sensors, 3, 3) as sensors report them, with noise of filter and
-    skin.
+    """Draw rotations of bodies as sensors report them, with noise of filter and skin.
+
+    Parameters
+    ----------
+    rotations : (frames, sensors, 3, 3) without errors
+    sensors : names
+    time : (frames,) [s]
+    draw : which errors
+
+    Returns
+    -------
+    (frames, sensors, 3, 3)
     """
     if not draw.sources.sensor_noise:
         return rotations
@@ -118,8 +129,9 @@ def drawn_rotations(rotations: Array, sensors: Sequence[str], time: Array, draw:
 def drawn_places(
     options: InverseKinematicsOptions, spreads: Mapping[str, float], draw: Draw
 ) -> InverseKinematicsOptions:
-    """Options of inverse kinematics whose likely angles, in the place of lost sensors, are others
-    [rad].
+    """Draw options of inverse kinematics with other likely angles [rad].
+
+    These angles take the place of lost sensors.
     """
     places = options.coordinates
     if places is None or not spreads or not draw.sources.sensor_noise:
@@ -162,7 +174,9 @@ def drawn_unseen(modes: Sequence[AssumedMode], time: Array, draw: Draw) -> Array
 def drawn_angles(
     model: Model, motion: Motion, draw: Draw, noise: RecordingNoise | None = None
 ) -> Motion:
-    """A motion with errors in all angles that are free; where a body floats, its place is kept.
+    """Draw a motion with errors in all angles that are free.
+
+    Where a body floats, its position is kept.
 
     Parameters
     ----------
@@ -224,8 +238,9 @@ def _drawn_noise(motion: Motion, noise: RecordingNoise, draw: Draw) -> Array:
 
 
 def free_angles(model: Model) -> tuple[str, ...]:
-    """Coordinates that turn joints: not locked, not driven by others, not those of a body that
-    floats.
+    """Find the coordinates that turn joints.
+
+    Locked and dependent ones are left out, and those of a body that floats.
     """
     fixed = {coupler.dependent for coupler in model.couplers}.union(floating_coordinates(model))
     turning = (
@@ -280,8 +295,9 @@ def drawn_wrenches(wrenches: Wrenches, up: Array, draw: Draw) -> Wrenches:
 
 
 def shifted(wrenches: Wrenches, late: float) -> Wrenches:
-    """The same forces by a clock that is `late` [s] behind; the first and last are held at the
-    ends.
+    """Shift forces by a clock that is `late` [s] behind.
+
+    The first and last are held at the ends.
     """
     at = np.clip(wrenches.time - late, wrenches.time[0], wrenches.time[-1])
     low = np.clip(
@@ -334,7 +350,7 @@ def drawn_emg(emg: Emg, draw: Draw) -> Emg:
 
 
 def _width(time: Array, duration: float) -> float:
-    """A duration [s] in frames."""
+    """Convert a duration [s] to frames."""
     return duration / float(np.median(np.diff(time))) if len(time) > 1 else 0.0
 
 
@@ -349,8 +365,9 @@ def drawn_sites(sites: Sequence[Site], draw: Draw) -> tuple[Site, ...]:
 
 
 def drawn_activations(ready: Series, sites: Sequence[Site], draw: Draw) -> Series:
-    """Contacts (frames, sites) that begin and end at other times, all touches of one contact late
-    by the same.
+    """Draw contacts (frames, sites) that begin and end at other times.
+
+    All touches of one contact are late by the same.
     """
     if not draw.sources.contact_time or len(ready) < 2:
         return ready
@@ -362,9 +379,9 @@ def drawn_activations(ready: Series, sites: Sequence[Site], draw: Draw) -> Serie
 
 
 def _moved(time: Array, values: Array, begin: float, end: float) -> Array:
-    """Columns of which the first half of every touch of any comes later by `begin` [s], the second
-    by `end`. A touch that lasts to the end of the recording keeps that end: nothing was found
-    there.
+    """Move the first half of every touch by `begin` [s], the second half by `end` [s].
+
+    A touch that lasts to the end of the recording keeps that end: nothing was found there.
     """
     result = np.zeros_like(values)
     for start, stop in runs(np.asarray((values > 0.0).any(axis=1))):

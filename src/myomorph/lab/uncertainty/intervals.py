@@ -1,5 +1,6 @@
-"""The uncertainty of any result that is computed from a model: its values under drawn errors, and
-their spread.
+"""The uncertainty of any result that is computed from a model.
+
+Its values under drawn errors are computed, and their spread.
 """
 
 from __future__ import annotations

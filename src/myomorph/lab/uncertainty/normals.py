@@ -1,5 +1,6 @@
-"""Random numbers of the sources of error: the same for the same source, item and draw, whatever
-else is drawn.
+"""Random numbers of the sources of error.
+
+They are the same for the same source, item and draw, whatever else is drawn.
 """
 
 from __future__ import annotations
@@ -36,29 +37,67 @@ class Normals:
     seed: int = 0
 
     def of(self, draw: int, source: str, name: str, size: int = 1) -> Array:
-        """(size,) numbers that hold for a whole recording, spread evenly over the draws (Latin
-        hypercube).
+        """Draw numbers that hold for a whole recording, spread evenly over the draws.
+
+        They form a Latin hypercube.
 
         Source: McKay, Beckman and Conover 1979.
+
+        Parameters
+        ----------
+        draw : which of the draws
+        source : of error
+        name : of the item
+        size : how many
+
+        Returns
+        -------
+        (size,) of variance 1
         """
         return _hypercube(self.draws, self.seed, source, name, size)[draw]
 
     def uniform(self, draw: int, source: str, name: str) -> float:
-        """A number from 0 to 1, spread evenly over the draws."""
+        """Draw a number from 0 to 1, spread evenly over the draws."""
         return float(_evenly(self.draws, self.seed, source, name, 1)[draw, 0])
 
     def process(
         self, draw: int, source: str, name: str, frames: int, width: float, size: int = 3
     ) -> Array:
-        """(frames, size) numbers of variance 1 that a Gaussian of `width` frames correlates; 0 for
-        white noise.
+        """Draw numbers that are correlated over time by a Gaussian.
+
+        Parameters
+        ----------
+        draw : which of the draws
+        source : of error
+        name : of the item
+        frames : how many
+        width : of the Gaussian, in frames; 0 for white noise
+        size : numbers of each frame
+
+        Returns
+        -------
+        (frames, size) of variance 1
         """
         return self.processes(draw, source, (name,), frames, width, size)[:, 0]
 
     def processes(
         self, draw: int, source: str, names: Sequence[str], frames: int, width: float, size: int = 3
     ) -> Array:
-        """(frames, names, size) numbers of several items at once."""
+        """Draw correlated numbers of several items at once.
+
+        Parameters
+        ----------
+        draw : which of the draws
+        source : of error
+        names : of the items
+        frames : how many
+        width : of the Gaussian, in frames; 0 for white noise
+        size : numbers of each frame and item
+
+        Returns
+        -------
+        (frames, names, size) of variance 1
+        """
         before = int(np.ceil(REACH * width)) if width > 0.0 else 0
         white = np.empty((frames + 2 * before, len(names), size))
         for index, name in enumerate(names):
@@ -81,8 +120,9 @@ def _hypercube(draws: int, seed: int, source: str, name: str, size: int) -> Arra
 
 
 def _evenly(draws: int, seed: int, source: str, name: str, size: int) -> Array:
-    """(draws, size) numbers of which each of `draws` equal parts between 0 and 1 holds one a
-    column.
+    """Draw numbers from 0 to 1, spread evenly over the draws, (draws, size).
+
+    Of each column, each of `draws` equal parts between 0 and 1 holds one.
     """
     rng = np.random.default_rng((seed, crc32(source.encode()), crc32(name.encode())))
     order = rng.permuted(np.tile(np.arange(draws), (size, 1)), axis=1).T

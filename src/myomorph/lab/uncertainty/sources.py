@@ -202,12 +202,13 @@ class ErrorSizes:
     origins: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
 
     def of(self, source: str, item: str) -> ItemSize | None:
-        """What was found of an item, or None."""
+        """Return what was found of an item, or None."""
         return self.items.get(source, {}).get(item)
 
     def with_step(self, step: str, sizes: Iterable[ItemSize]) -> ErrorSizes:
-        """The same with what a later step found, which replaces all that earlier ones said of its
-        sources.
+        """Add what a later step found.
+
+        It replaces all that earlier ones say of its sources.
         """
         by_source: dict[str, dict[str, ItemSize]] = {}
         for size in sizes:

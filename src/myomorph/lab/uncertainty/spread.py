@@ -1,5 +1,6 @@
-"""What draws come to: limits that hold 90 % of them, their standard deviation, and what share each
-source has in it.
+"""The spread of draws: interval bounds that hold 90 % of them, and their standard deviation.
+
+The share of each source in it stands beside.
 """
 
 from __future__ import annotations
@@ -54,17 +55,28 @@ class Spread:
     quantity: Quantity | None = field(default=None, kw_only=True)
 
     def bounds(self) -> dict[Bound, Array]:
-        """The arrays by the ends of their names in result files."""
+        """Return the arrays by the ends of their names in result files.
+
+        Returns
+        -------
+        (frames, names) lower and upper bound and standard deviation
+        """
         return {"low": self.low, "high": self.high, "sd": self.deviation}
 
     def over(self, time: Array, drawn: Array, nominal: Array) -> Spread:
-        """The spread at other times, its limits as far from the values without errors as between
-        its own frames.
+        """Interpolate the spread at other times.
+
+        Its bounds are as far from the values without errors as between its own frames.
 
         Parameters
         ----------
         time : (samples,) [s]
-        drawn, nominal : values without errors at the spread's times and at the others
+        drawn : (frames, names) values without errors at the spread's times
+        nominal : (samples, names) values without errors at the other times
+
+        Returns
+        -------
+        The spread of (samples, names)
         """
         if len(time) == len(self.time):
             return self
@@ -82,8 +94,9 @@ class Spread:
 
 @read_only
 class Shares:
-    """What groups of sources contribute to the columns of one table, as shares of the variance
-    (groups, names).
+    """Contributions of groups of sources to the columns of one table.
+
+    They are shares of the variance (groups, names).
 
     Attributes
     ----------
@@ -162,17 +175,44 @@ class Draws(ExitStack):
         self.callback(self._values.clear)
 
     def put(self, draw: int, tables: Mapping[str, Array]) -> None:
-        """Keep what one draw came to."""
+        """Store the values of one draw.
+
+        Parameters
+        ----------
+        draw : which of the draws
+        tables : (frames, names) by table
+        """
         for name, values in self._values.items():
             values[draw] = tables[name]
         self.done.append(draw)
 
     def at(self, name: str, draw: int) -> Array:
-        """One draw of a table, in single precision."""
+        """Return one draw of a table, stored in single precision.
+
+        Parameters
+        ----------
+        name : of the table
+        draw : which of the draws
+
+        Returns
+        -------
+        (frames, names)
+        """
         return np.asarray(self._values[name][draw], np.float64)
 
     def spread(self, name: str, time: Array, names: tuple[str, ...]) -> Spread:
-        """Limits and standard deviation of a table (frames, names)."""
+        """Compute interval bounds and standard deviation of a table.
+
+        Parameters
+        ----------
+        name : of the table
+        time : (frames,) [s]
+        names : of the columns
+
+        Returns
+        -------
+        The spread of (frames, names) over the draws that were done
+        """
         values = self._values[name]
         done = np.array(self.done)
         frames = values.shape[1]
@@ -284,10 +324,14 @@ class ValueErrors:
     again: Array | None = field(default=None, kw_only=True)
 
     def limits(self) -> tuple[Array, Array, Array]:
-        """Distances of the 90 % interval bounds from the value, and the sd, (names,) each.
+        """Find the distances of the 90 % interval bounds from the value, and the errors' spread.
 
-        The numbers' data hold errors as the draws add them: limits are reflected, within the
-        numbers' bounds.
+        The numbers' data hold errors as the draws add them: bounds are reflected, within the
+        numbers' own bounds.
+
+        Returns
+        -------
+        (names,) lower bound, upper bound and standard deviation; NaN with fewer than two draws
         """
         solved = np.isfinite(self.errors).all(axis=1)
         known = self.errors[solved]
@@ -303,7 +347,17 @@ class ValueErrors:
 
 
 def widened_errors(errors: Array, factors: Array) -> Array:
-    """Errors (draws, names) moved away from their middle by a factor of each, as intervals are."""
+    """Move errors away from their middle by a factor of each, as intervals are.
+
+    Parameters
+    ----------
+    errors : (draws, names) NaN where a draw was not solved
+    factors : (names,)
+
+    Returns
+    -------
+    (draws, names)
+    """
     known = np.isfinite(errors).all(axis=1)
     if not known.any():
         return errors
@@ -324,9 +378,20 @@ def limit_error(count: int) -> float:
 
 
 def of_subject(errors: Array, subject: str) -> Array:
-    """Errors (draws, names) in an order of the subject's own. Draws go by the names of sources and
-    items: a marker is misplaced alike in all trials of a subject, which is true, and in those of
-    another, which is not. In another order for each, subjects err independently.
+    """Put errors in an order of the subject's own.
+
+    Draws go by the names of sources and items: a marker is misplaced alike in all trials of a
+    subject, which is true, and in those of another, which is not. In another order for each,
+    subjects err independently.
+
+    Parameters
+    ----------
+    errors : (draws, names)
+    subject : its name
+
+    Returns
+    -------
+    (draws, names)
     """
     order = np.random.default_rng(crc32(subject.encode())).permutation(len(errors))
     return np.asarray(errors[order])

@@ -1,5 +1,6 @@
-"""Results to look at: pages that play them, movies, and poses and paths to draw oneself; no value
-that is kept is computed here.
+"""Results to look at: pages that play them, movies, and poses and paths to draw oneself.
+
+No value that is kept is computed here.
 """
 
 from myomorph.lazy_names import lazy_names

@@ -26,10 +26,14 @@ MAX_LABELS = 6  # Muscles that are named in the scene.
 
 
 class Player(Page):
-    """A page with bodies and a clock: which time it is, and how the page shows it. `lock`: what
-    changes the page holds it, for the clock and every control run in threads of their own;
-    `follows`: whether the view goes with the first body; `now`: on the page's clock [s]; `drawn`:
-    frames that were drawn.
+    """A page with bodies and a clock: which time it is, and how the page shows it.
+
+    Attributes
+    ----------
+    lock : held while the page changes, for the clock and every control run in threads of their own
+    follows : whether the view goes with the first body
+    now : on the page's clock [s]
+    drawn : frames that were drawn
     """
 
     # bodies, shown: what is played, and how the page shows it
@@ -70,7 +74,7 @@ class Player(Page):
             self._draw(slow=True)
 
     def own_time(self, number: int) -> float:
-        """The present by a body's own clock [s]."""
+        """Return the present by a body's own clock [s]."""
         return self.now + self._offsets[number]
 
     def toggle(self, layer: str, visible: bool) -> None:
@@ -133,16 +137,18 @@ class Player(Page):
         self.follows = bodies[0].travelled > GOES_AWAY * scene.size
 
     def _aim(self, client: Any, direction: tuple[float, float, float] = FIRST_VIEW) -> None:
-        """Turn a browser's camera to the bodies; a browser that is early waits until there are
-        some.
+        """Turn a browser's camera to the bodies.
+
+        A browser that is early waits until there are some.
         """
         with self.lock:
             client.camera.up_direction = self.bodies[0].scene.up
             client.camera.position, client.camera.look_at = self._camera(*direction)
 
     def _camera(self, ahead: float, right: float, up: float) -> tuple[np.ndarray, np.ndarray]:
-        """Where a camera sees all bodies from a direction, and the middle that it looks at, where
-        the page has them.
+        """Find where a camera sees all bodies from a direction, and the middle that it looks at.
+
+        Both are where the page has them.
         """
         scene = self.bodies[0].scene
         roots = [
@@ -184,7 +190,7 @@ class Player(Page):
                 self._show_numbers(self._frames)
 
     def _labels(self, number: int, frame: int) -> dict[int, str]:
-        """What to write beside the muscles that stand out."""
+        """Write the labels beside the muscles that stand out."""
         body = self.bodies[number]
         chosen = self.found[number]
         if len(chosen) > MAX_LABELS:

@@ -1,5 +1,6 @@
-"""A page that plays results again: the body moves, its muscles in the colors of their activations,
-curves beside it.
+"""A page that plays results again: the body moves, curves beside it.
+
+Its muscles have the colors of their activations.
 """
 
 from __future__ import annotations
@@ -46,9 +47,13 @@ Choices = Sequence[Mapping[str, Callable[[], ReportInput]]]
 
 
 class Replay(Player):
-    """A page on this machine that plays results again. `choices`: of each body, its recordings, of
-    which `chosen` is shown, the first at first; `served`: called with the address once the page can
-    be opened, which loads while results are read.
+    """A page on this machine that plays results again.
+
+    Attributes
+    ----------
+    choices : of each body, its recordings
+    chosen : which of them is shown, the first at first
+    served : called with the address once the page can be opened, which loads while results are read
     """
 
     def __init__(
@@ -114,7 +119,7 @@ class Replay(Player):
                 self._aim(client)
 
     def _run(self) -> None:
-        """The clock: as long as it plays, a frame every thirtieth of a second."""
+        """Run the clock: as long as it plays, a frame every thirtieth of a second."""
         before = clock.perf_counter()
         count = 0
         while not self._stopped.wait(max(before + 1.0 / FRAMES - clock.perf_counter(), 0.001)):
@@ -131,8 +136,10 @@ class Replay(Player):
 
 
 class Panel:
-    """The controls of a player, and numbers and curves of the present. `choose`: called with the
-    number of a body and a name where a user chooses another of its recordings.
+    """The controls of a player, and numbers and curves of the present.
+
+    `choose` is called with the number of a body and a name where a user chooses another of its
+    recordings.
     """
 
     def __init__(
@@ -176,8 +183,9 @@ class Panel:
         self._curves.move(self._player.own_time(self._subject))
 
     def find(self, text: str) -> tuple[str, ...]:
-        """Muscles of the chosen body whose names hold a text; they stand out until the text is
-        gone.
+        """Find muscles of the chosen body whose names hold a text.
+
+        They stand out until the text is gone.
         """
         index = self._indices[self._subject]
         names = index.matches(text)
@@ -357,12 +365,12 @@ class Panel:
 
 
 def _shown(value: float, form: str) -> str:
-    """A number, or a dash where it is not known."""
+    """Write a number, or a dash where it is not known."""
     return format(value, form) if np.isfinite(value) else "–"
 
 
 def _scale() -> str:
-    """What the colors of muscles mean, as HTML."""
+    """Explain the colors of muscles, as HTML."""
     colors = ",".join(
         f"rgb({r},{g},{b})" for r, g, b in ACTIVATION[:: len(ACTIVATION) // 8].tolist()
     )
@@ -374,7 +382,7 @@ def _scale() -> str:
 
 
 def _key(layers: Sequence[str]) -> str:
-    """What the colors of layers mean, as HTML."""
+    """Explain the colors of layers, as HTML."""
     dots = [
         f'<span><b style="color:rgb({",".join(str(channel) for channel in COLORS[name])})">●</b>'
         f" {LAYERS[name]}</span>"
@@ -384,8 +392,9 @@ def _key(layers: Sequence[str]) -> str:
 
 
 class MuscleIndex:
-    """Muscles of a model under the names that people give them; `prefixes`: what the names of a
-    subject begin with.
+    """Muscles of a model under the names that people give them.
+
+    `prefixes` are what the names of a subject begin with.
     """
 
     def __init__(self, names: Sequence[str], prefixes: Sequence[str] = ()):
@@ -396,8 +405,9 @@ class MuscleIndex:
         self._words = tuple(_words(name, side_of.get(name, ""), prefixes) for name in names)
 
     def matches(self, text: str) -> tuple[str, ...]:
-        """Names that hold every word of a text, in their own or their anatomical name; a whole name
-        stands alone.
+        """Find names that hold every word of a text, in their own or their anatomical name.
+
+        A whole name stands alone.
 
         >>> MuscleIndex(["soleus_r", "soleus_l", "bflh_r"]).matches("biceps femoris")
         ('bflh_r',)

@@ -1,5 +1,6 @@
-"""One body that is played again: at any of its frames, where everything is, as arrays that a page
-can take.
+"""One body that is played again, at any of its frames.
+
+Everything is in arrays that a page can take.
 """
 
 from __future__ import annotations
@@ -51,8 +52,9 @@ one are smaller.
 
 @dataclass(frozen=True, eq=False)
 class Tubes:
-    """Muscle paths as straight tubes along z: middles, turns (w, x, y, z), sizes (radius, radius,
-    half length).
+    """Muscle paths as straight tubes along z.
+
+    They have middles, turns (w, x, y, z) and sizes (radius, radius, half length).
     """
 
     positions: Single
@@ -81,8 +83,9 @@ class Instant:
 
     @property
     def middle(self) -> Array:
-        """(3,) the mean of the centers of mass, or where nothing has a mass, the first body's
-        origin [m].
+        """The mean of the centers of mass, (3,) [m].
+
+        Where nothing has a mass, it is the first body's origin.
         """
         seen = self.centers[np.isfinite(self.centers).all(axis=1)]
         return seen.mean(axis=0) if len(seen) else self.origins[1]
@@ -173,17 +176,21 @@ class PlayedBody:
         )
 
     def frame_at(self, time: float) -> int:
-        """The frame nearest to a time [s]."""
+        """Return the frame nearest to a time [s]."""
         return int(nearest_samples(self.time, np.array([time]))[0])
 
     def posed_frame(self, frame: int) -> int:
-        """The frame whose pose is shown at a frame: the last one that is known, else the first."""
+        """Return the frame whose pose is shown at a frame.
+
+        It is the last one that is known, else the first.
+        """
         before = np.flatnonzero(self.known[: frame + 1])
         return int(before[-1] if len(before) else np.flatnonzero(self.known)[0])
 
     def at(self, frame: int, chosen: Collection[int] = ()) -> Instant:
-        """The body at a frame; muscles `chosen` by index stand out. An unknown frame shows the last
-        known pose.
+        """Pose the body at a frame; muscles `chosen` by index stand out.
+
+        An unknown frame shows the last known pose.
         """
         known = bool(self.known[frame])
         posed = self.posed_frame(frame)
@@ -207,7 +214,17 @@ class PlayedBody:
         )
 
     def middle_of(self, frame: int, muscle: int) -> Array:
-        """A place (3,) in the middle of a muscle, for its label [m]."""
+        """Find a position in the middle of a muscle, for its label.
+
+        Parameters
+        ----------
+        frame : of the motion
+        muscle : index
+
+        Returns
+        -------
+        (3,) in ground [m]
+        """
         posed = frame if self.known[frame] else int(np.flatnonzero(self.known)[0])
         drawn = drawn_paths(self._paths, self._coordinates[posed : posed + 1])
         segments = drawn.places[0, drawn.muscle == muscle]
@@ -217,8 +234,17 @@ class PlayedBody:
 
 
 def arrows(ends: Array, size: float, color: Array) -> tuple[Tubes, Tubes]:
-    """Shafts and heads of arrows from their starts to their ends (arrows, 2, 3) beside a body of a
-    size [m].
+    """Make shafts and heads of arrows.
+
+    Parameters
+    ----------
+    ends : (arrows, 2, 3) start and end of each [m], NaN where there is none
+    size : of the body beside them [m]
+    color : (3,) red, green, blue from 0 to 1
+
+    Returns
+    -------
+    Shafts and heads
     """
     along = ends[:, 1] - ends[:, 0]
     lengths = np.nan_to_num(np.linalg.norm(along, axis=1))
@@ -237,9 +263,21 @@ def arrows(ends: Array, size: float, color: Array) -> tuple[Tubes, Tubes]:
 def tubes(
     points: Array, muscle: np.ndarray, radii: Array, colors: Array, beyond: float = 0.35
 ) -> Tubes:
-    """A tube between every two points (points, 3) that follow each other on a muscle, as many at
-    any frame; those that do not exist have no size. `beyond`: how far a tube goes on at both ends,
-    in radii, so that no gap opens where a path bends.
+    """Make a tube between every two points that follow each other on a muscle.
+
+    There are as many at any frame; those that do not exist have no size.
+
+    Parameters
+    ----------
+    points : (points, 3) [m], NaN where there is none
+    muscle : (points,) index of each point's muscle
+    radii : (muscles,) [m]
+    colors : (muscles, 3) red, green, blue from 0 to 1
+    beyond : how far a tube goes on at both ends, in radii, so that no gap opens where a path bends
+
+    Returns
+    -------
+    The tubes, in order of the points
     """
     joined = muscle[1:] == muscle[:-1]
     start = points[:-1][joined]
@@ -343,8 +381,9 @@ class _Markers:
 
 
 def _arrows(wrenches: Wrenches | None, time: Array, weight: float, size: float) -> Array:
-    """(frames, forces, 2, 3) start and end of arrows of external forces at times, NaN where none
-    acts [m].
+    """Find start and end of arrows of external forces at times, (frames, forces, 2, 3) [m].
+
+    They are NaN where none acts.
     """
     if wrenches is None or not len(wrenches) or not wrenches.names:
         return np.zeros((len(time), 0, 2, 3))
@@ -356,8 +395,9 @@ def _arrows(wrenches: Wrenches | None, time: Array, weight: float, size: float) 
 
 
 def _nearest(clock: Array, values: Array, time: Array) -> Array:
-    """Values at times, each the nearest of a clock that may be coarser; NaN beyond one and a half
-    of its steps.
+    """Look up values at times, each the nearest of a clock that may be coarser.
+
+    They are NaN beyond one and a half of its steps.
     """
     beyond = 1.5 * float(np.median(np.diff(clock))) if len(clock) > 1 else 1e-6
     nearest = np.array(values[nearest_samples(clock, time)])

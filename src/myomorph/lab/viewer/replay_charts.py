@@ -1,6 +1,4 @@
-"""Curves beside a body that is played again: which there are, and plots of them with a line at the
-present.
-"""
+"""Curves beside a body that is played again, and plots of them with a line at the present."""
 
 from __future__ import annotations
 
@@ -42,8 +40,9 @@ BAND_ALPHA = "33"  # Opacity of a band, as the last two digits of its color.
 
 @read_only
 class Curve:
-    """One line of a plot: values at the motion's times, and the limits of 90 % around them where
-    they are known.
+    """One line of a plot: values at the motion's times.
+
+    Interval bounds of 90 % stand around them where they are known.
     """
 
     label: str
@@ -81,7 +80,7 @@ def coordinate_choices(body: PlayedBody) -> dict[str, tuple[str, ...]]:
 
 
 def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart:
-    """Some coordinates, angles in degrees."""
+    """Chart some coordinates, angles in degrees."""
     angle = _are_angles(body, names)
     scale = np.rad2deg(1.0) if angle else 1.0
     curves = tuple(
@@ -150,7 +149,7 @@ def muscle_chart(body: PlayedBody, muscles: Sequence[int], quantity: Quantity) -
 def _with_limits(
     body: PlayedBody, quantity: Quantity, name: str, curve: Curve, scale: float = 1.0
 ) -> Curve:
-    """The curve with the limits that draws gave a column of a quantity, where they did."""
+    """Add the interval bounds that draws gave a column to its curve, where they did."""
     spread = body.results.uncertainty.spreads.get(quantity.name)
     if spread is None or name not in spread.names:
         return curve
@@ -161,8 +160,9 @@ def _with_limits(
 
 
 def strongest(body: PlayedBody) -> tuple[int, ...]:
-    """The muscle that pulls hardest on average, and its fellow on the other side: what is shown at
-    first.
+    """Find the muscle that pulls hardest on average, and its fellow on the other side.
+
+    They are shown at first.
     """
     if body.results.tension is None or not len(body.muscles):
         return ()
@@ -173,7 +173,7 @@ def strongest(body: PlayedBody) -> tuple[int, ...]:
 
 
 def force_chart(body: PlayedBody) -> Chart | None:
-    """The vertical part of every external force, measured and estimated."""
+    """Chart the vertical part of every external force, measured and estimated."""
     curves: list[Curve] = []
     results: ReportInput = body.results
     estimated = (
@@ -206,8 +206,9 @@ def _vertical(body: PlayedBody, wrenches: Wrenches, dashed: bool) -> list[Curve]
 
 
 def joint_force_chart(body: PlayedBody, joints: Sequence[str] = ()) -> Chart | None:
-    """The size of the force in joints with contact points, by body weight; all of them by
-    default.
+    """Chart the norm of the force in joints with contact points, by body weight.
+
+    All such joints are charted by default.
     """
     contacts = body.results.joint_contacts
     if contacts is None or not contacts.joints:
@@ -226,7 +227,7 @@ def joint_force_chart(body: PlayedBody, joints: Sequence[str] = ()) -> Chart | N
 
 
 def segment_joint(name: str) -> str:
-    """The word for a joint in its name: `knee` of `walker_knee_r`."""
+    """Return the word for a joint in its name: `knee` of `walker_knee_r`."""
     return split_side(name)[0].rpartition("_")[2]
 
 
@@ -249,7 +250,18 @@ def center_chart(body: PlayedBody) -> Chart | None:
 
 
 def at_times(time: Array, clock: Array, values: Array) -> Array:
-    """Values of another clock at the motion's times, NaN outside it."""
+    """Interpolate values of another clock at the motion's times.
+
+    Parameters
+    ----------
+    time : (frames,) of the motion [s]
+    clock : (samples,) [s]
+    values : (samples,)
+
+    Returns
+    -------
+    (frames,) NaN outside the clock
+    """
     return np.interp(time, clock, values, left=np.nan, right=np.nan)
 
 
@@ -259,9 +271,10 @@ def _ink(name: str, index: int) -> str:
 
 
 class Curves:
-    """The panel of curves of one body: a coordinate, muscles, forces and the center of mass. `gui`:
-    `viser`'s controls; `on`: calls a function where a user changes a control: `on(control,
-    changed)`.
+    """The panel of curves of one body: a coordinate, muscles, forces and the center of mass.
+
+    `gui` are `viser`'s controls. `on` calls a function where a user changes a control:
+    `on(control, changed)`.
     """
 
     def __init__(self, gui: Any, on: Any, body: PlayedBody, now: float):
@@ -316,9 +329,11 @@ class Curves:
 
 
 class Plot:
-    """A chart on a page, whose line moves with the time. Another chart is another plot in the same
-    place, made whole by one message: a page that draws between a message with other curves and one
-    with their values looks for values that are not there.
+    """A chart on a page, whose line moves with the time.
+
+    Another chart is another plot in the same place, made whole by one message: a page that draws
+    between a message with other curves and one with their values looks for values that are not
+    there.
     """
 
     def __init__(self, gui: Any, tab: Any, place: float):
@@ -331,7 +346,14 @@ class Plot:
         self._range = (0.0, 1.0)
 
     def show(self, chart: Chart | None, time: Array, now: float) -> None:
-        """Show another chart at a body's times, or none."""
+        """Show another chart at a body's times, or none.
+
+        Parameters
+        ----------
+        chart : curves to show, or None
+        time : (frames,) of the body [s]
+        now : the present [s]
+        """
         if self._handle is not None:
             self._handle.remove()
             self._handle = None
@@ -388,7 +410,7 @@ class Plot:
             self._handle.data = self._data(now)
 
     def _data(self, now: float) -> tuple[Array, ...]:
-        """Times and values with the present put in twice, between which the line stands."""
+        """Put the present into times and values twice, between which the line stands."""
         now = float(np.clip(now, self._time[0], self._time[-1]))
         at = int(np.searchsorted(self._time, now))
         time = np.insert(self._time, at, (now, now))

@@ -174,7 +174,10 @@ class ShownBody:
         handle.batched_scales = np.repeat(seen[:, None], 3, axis=1).astype(np.float32)
 
     def _bone_colors(self, number: int) -> dict[int, tuple[int, int, int]]:
-        """A color for every subject, by the numbers of its bodies; `number` colors come before."""
+        """Choose a color for every subject, by the numbers of its bodies.
+
+        The colors of `number` subjects come before.
+        """
         names = self.body.model.body_names
         return {
             names.index(name) + 1: BONES[(number + index) % len(BONES)]
@@ -183,7 +186,7 @@ class ShownBody:
         }
 
     def _add_trace(self, subject: int) -> list[Any]:
-        """The path of a center of mass in space, and its shadow on the floor."""
+        """Show the path of a center of mass in space, and its shadow on the floor."""
         scene = self.body.scene
         centers = self.body.centers[:, subject]
         path = centers[:: max(len(centers) // TRACE_STEPS, 1)]
@@ -240,7 +243,7 @@ class ShownBody:
 
 
 def bone_solids(scene: Scene, size: float) -> tuple[Solid, ...]:
-    """The solids of a body of a size [m], with no more triangles than a page can draw."""
+    """Make the solids of a body of a size [m], with no more triangles than a page can draw."""
     shapes = [
         solid.surface
         if len(solid.surface.faces) < SIMPLE
@@ -254,7 +257,7 @@ def bone_solids(scene: Scene, size: float) -> tuple[Solid, ...]:
 
 
 def add_batch(page: Any, name: str, shape: Surface, shown: Tubes) -> Any:
-    """Copies of one surface, each with its own position, rotation, scale and color."""
+    """Add copies of one surface, each with its own position, rotation, scale and color."""
     return page.add_batched_meshes_simple(
         name,
         shape.vertices.astype(np.float32),
@@ -281,8 +284,19 @@ def move_batch(handle: Any, shown: Tubes, colors: bool = True) -> None:
 def add_arrows(
     page: Any, name: str, ends: Array, size: float, color: tuple[int, int, int]
 ) -> list[Any]:
-    """Shafts and heads of arrows from their starts to their ends (arrows, 2, 3) beside a body of a
-    size [m].
+    """Add shafts and heads of arrows to a page.
+
+    Parameters
+    ----------
+    page : of `viser`
+    name : that the names of the parts begin with
+    ends : (arrows, 2, 3) start and end of each [m]
+    size : of the body beside them [m]
+    color : red, green, blue from 0 to 255
+
+    Returns
+    -------
+    The page's handles of shafts and heads
     """
     shafts, heads = arrows(ends, size, np.array(color) / 255.0)
     return [
@@ -292,7 +306,16 @@ def add_arrows(
 
 
 def outline(corners: Array) -> list[int]:
-    """Corners of a plate in the order of its outline, whatever order they are given in."""
+    """Order the corners of a plate along its outline, whatever order they come in.
+
+    Parameters
+    ----------
+    corners : (corners, 3) [m]
+
+    Returns
+    -------
+    Indices of corners
+    """
     middle = corners.mean(axis=0)
     x = corners[0] - middle
     y = np.cross(np.cross(x, corners[1] - middle), x)

@@ -1,5 +1,6 @@
-"""The base of every page that plays: a server on this machine, lights, a floor, a camera, bodies in
-their pose.
+"""The base of every page that plays: a server on this machine, and bodies in their pose.
+
+The page has lights, a floor and a camera.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ height.
 
 
 class BodyView:
-    """Pictures of one model, surfaces prepared once. `meshed`: bodies have surfaces of their own,
-    not rounds.
+    """Pictures of one model, surfaces prepared once.
+
+    `meshed` are bodies that have surfaces of their own, not rounds.
     """
 
     def __init__(self, model: Model, surfaces: Mapping[str, Surface] | None = None):
@@ -65,15 +67,22 @@ class BodyView:
         self._axes = np.stack([np.cross(self.scene.up, ahead), self.scene.up, ahead])
 
     def limbs(self, share: float = 1.0) -> tuple[Solid, ...]:
-        """The limbs as surfaces, for bodies that have no mesh, a share as thick."""
+        """Make the limbs as surfaces, for bodies that have no mesh, a share as thick."""
         return tuple(
             Solid(body, capsule(start, end, share * float(radius)))
             for (body, start, end), radius in zip(self._limbs, self._radii[:, 0], strict=True)
         )
 
     def poses(self, coordinates: Array) -> tuple[Array, Array]:
-        """Rotations (bodies + 1, 3, 3) and origins (bodies + 1, 3) in a pose (coordinates,), the
-        ground first.
+        """Compute where the bodies are in a pose, the ground first.
+
+        Parameters
+        ----------
+        coordinates : (coordinates,) [rad or m]
+
+        Returns
+        -------
+        (bodies + 1, 3, 3) rotations, and (bodies + 1, 3) origins in ground [m]
         """
         poses = forward_kinematics(
             self._tree, np.ascontiguousarray(coordinates, dtype=np.float64)[None]
@@ -81,7 +90,18 @@ class BodyView:
         return poses.rotations[0], poses.origins[0]
 
     def pixels(self, coordinates: Array, levels: Array, width: int, height: int) -> Bytes:
-        """(height, width, 4) the body in a pose, each link in the color of its level in 0..1."""
+        """Draw the body in a pose, each link in the color of its level.
+
+        Parameters
+        ----------
+        coordinates : (coordinates,) [rad or m]
+        levels : (bodies,) from 0 to 1
+        width, height : of the picture [px]
+
+        Returns
+        -------
+        (height, width, 4) red, green, blue, opacity
+        """
         rotations, origins = self.poses(coordinates)
         colors = np.vstack([[0.72, 0.72, 0.72], level_color(np.asarray(levels, dtype=np.float64))])
         scene = self.scene
@@ -107,9 +127,10 @@ class BodyView:
 
 
 def _limbs(model: Model, numbers: Mapping[str, int]) -> list[tuple[int, Array, Array]]:
-    """Body's number, and both ends in its frame, of the pieces that a body is drawn from in few
-    pixels. From a body's joint to the joints that it carries, and through its mass center and on:
-    of a trunk without a head of its own, that is the head.
+    """Find the pieces that a body is drawn from in few pixels: number of the body, and both ends.
+
+    Ends are in the body's frame. Pieces go from a body's joint to the joints that it carries, and
+    through its mass center and on: of a trunk without a head of its own, that is the head.
     """
     result = []
     for body, (start, joints) in zip(model.bodies, bones(model).values(), strict=True):
@@ -125,7 +146,16 @@ def _limbs(model: Model, numbers: Mapping[str, int]) -> list[tuple[int, Array, A
 
 
 def half_blocks(pixels: Bytes) -> Text:
-    """Pixels as characters, two above each other in one: for terminals that show colors."""
+    """Write pixels as characters, two above each other in one: for terminals that show colors.
+
+    Parameters
+    ----------
+    pixels : (height, width, 4) red, green, blue, opacity
+
+    Returns
+    -------
+    The text, a line for every two rows
+    """
     text = Text(no_wrap=True)
     if len(pixels) % 2:
         pixels = np.concatenate([pixels, np.zeros_like(pixels[:1])])
@@ -155,8 +185,10 @@ MARKER = (70, 70, 70)  # Color of recorded markers.
 
 
 class Page:
-    """A page on this machine on which bodies move. All that is seen hangs on one frame, which moves
-    back as the first body moves on where the view follows it. `port`: any free one where not given.
+    """A page on this machine on which bodies move.
+
+    All that is seen hangs on one frame, which moves back as the first body moves on where the view
+    follows it. `port` is any free one by default.
     """
 
     def __init__(self, port: int | None, title: str):
@@ -171,8 +203,9 @@ class Page:
             self._server.stop()
 
     def _lay_floor(self, scene: Scene, root: Array) -> None:
-        """Empty the page, and give it lights, the floor of a scene, and the frame of bodies, from
-        `root` (3,) [m].
+        """Empty the page, and give it lights, the floor of a scene, and the frame of bodies.
+
+        That frame starts at `root` (3,) [m].
         """
         page = self._page
         page.reset()
@@ -185,8 +218,9 @@ class Page:
         self._start = np.array(root)
 
     def _show_body(self, view: BodyView, solids: Sequence[Solid], right: float) -> None:
-        """Lay the floor of one body, show its links, and let browsers look at it from ahead and so
-        far to its right.
+        """Lay the floor of one body, show its links, and aim the browsers' cameras.
+
+        They look at it from ahead and so far to its right.
         """
         self._view = view
         scene = view.scene
@@ -207,8 +241,9 @@ class Page:
         self._links.pose(rotations, origins)
 
     def _carry_back(self, root: Array) -> None:
-        """Move all that is seen back by the way over the floor from where the first body began to
-        `root` [m].
+        """Move all that is seen back as the first body moves on.
+
+        It moves by the way over the floor from where the body began to `root` [m].
         """
         moved = root - self._start
         self.around.position = -(moved - (moved @ self._up) * self._up)
@@ -227,8 +262,9 @@ class Page:
 
 
 def open_server(port: int | None, title: str) -> Any:
-    """A page on this machine by `viser`, on a given port or on any free one, for whoever has the
-    token of its guard, which it holds as `myomorph_guard`.
+    """Open a page on this machine by `viser`, on a given port or on any free one.
+
+    It opens for whoever has the token of its guard, which it holds as `myomorph_guard`.
     """
     try:
         # Brings viser: loaded only where it is needed.
@@ -280,7 +316,19 @@ def quiet() -> Iterator[None]:
 
 
 def add_floor(page: Any, name: str, up: Array, height: float) -> Any:
-    """A grid of half metres on the floor at a height along `up` [m]."""
+    """Add a grid of half metres on the floor to a page.
+
+    Parameters
+    ----------
+    page : of `viser`
+    name : of the grid
+    up : (3,) unit vector against gravity
+    height : of the floor along `up` [m]
+
+    Returns
+    -------
+    The page's handle of the grid
+    """
     axis = int(np.argmax(np.abs(up)))
     return page.add_grid(
         name,
@@ -295,8 +343,9 @@ def add_floor(page: Any, name: str, up: Array, height: float) -> Any:
 
 
 def add_lights(page: Any, scene: Scene) -> None:
-    """Even light from above, and a lamp from ahead and the right: viser's own bleach what is
-    colored.
+    """Add even light from above, and a lamp from ahead and the right.
+
+    Lights of viser's own bleach what is colored.
     """
     page.configure_default_lights(False)
     page.configure_environment_map(None)
@@ -344,8 +393,12 @@ class Links:
             )
 
     def pose(self, rotations: Array, origins: Array) -> None:
-        """Put the links where their bodies are: (bodies + 1, 3, 3) and (bodies + 1, 3), the ground
-        first.
+        """Put the links where their bodies are.
+
+        Parameters
+        ----------
+        rotations : (bodies + 1, 3, 3) to ground, the ground first
+        origins : (bodies + 1, 3) in ground [m]
         """
         turned = quaternions(rotations)
         for body, handle in self.handles.items():
@@ -354,12 +407,31 @@ class Links:
 
 
 def view_from(scene: Scene, middle: Array, direction: Array, distance: float = 1.05) -> Array:
-    """Where a camera sees the body around `middle` from a direction, at a distance in sizes of the
-    body [m].
+    """Find where a camera sees the body from a direction.
+
+    Parameters
+    ----------
+    scene : of the body
+    middle : (3,) that the camera looks at [m]
+    direction : (3,) from the middle to the camera, of any norm
+    distance : in sizes of the body
+
+    Returns
+    -------
+    (3,) in ground [m]
     """
     return middle + distance * scene.size * direction / np.linalg.norm(direction)
 
 
 def quaternions(rotations: Array) -> Array:
-    """(n, 4) as (w, x, y, z) of rotation matrices (n, 3, 3), w not negative."""
+    """Convert rotation matrices to quaternions.
+
+    Parameters
+    ----------
+    rotations : (n, 3, 3)
+
+    Returns
+    -------
+    (n, 4) as (w, x, y, z), w not negative
+    """
     return Rotation.from_matrix(rotations).as_quat(canonical=True, scalar_first=True)

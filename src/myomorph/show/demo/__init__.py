@@ -1,5 +1,4 @@
-"""The demonstrations of the command line: recordings that come with the installation, run through a
-user's own steps.
+"""The demonstrations of the command line: bundled recordings, run through a user's own steps.
 
 What is simulated comes from `simulate`; no step of a study lives here.
 """

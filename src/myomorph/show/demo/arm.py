@@ -1,5 +1,6 @@
-"""The smallest example: files of an arm with two joints and two muscles that reaches with a weight.
-Synthetic.
+"""The smallest example: files of an arm with two joints and two muscles.
+
+The arm reaches with a weight. The files are synthetic.
 """
 
 from __future__ import annotations
@@ -61,7 +62,10 @@ LOADS = """<?xml version="1.0" encoding="UTF-8"?>
 
 
 def osim_text(mass: float = 2.0) -> str:
-    """The arm as an OpenSim document: shoulder fixed at 1.4 m, two pin joints, two muscles."""
+    """Write the arm as an OpenSim document.
+
+    Its shoulder is fixed at 1.4 m. It has two pin joints and two muscles.
+    """
     muscles = [
         ("flexor", "0.25", (("/ground", "0.03 1.35 0"), ("/bodyset/fore", "0.04 -0.04 0"))),
         ("extensor", "0.2", (("/ground", "-0.03 1.35 0"), ("/bodyset/fore", "-0.02 0.02 0"))),
@@ -100,7 +104,17 @@ def osim_text(mass: float = 2.0) -> str:
 
 
 def table_text(columns: dict[str, np.ndarray], degrees: str = "no") -> str:
-    """A MOT file of columns, the first of them the time."""
+    """Write columns as a MOT file, the first of them the time.
+
+    Parameters
+    ----------
+    columns : (rows,) each, by name, in the file's units
+    degrees : "yes" where angles are in degrees, else "no"
+
+    Returns
+    -------
+    The text of the file
+    """
     rows = np.column_stack(list(columns.values()))
     head = (
         f"table\nversion=1\nnRows={len(rows)}\nnColumns={len(columns)}\n"
@@ -141,8 +155,7 @@ class ExampleFiles:
 
 
 def example_files(folder: str | Path) -> ExampleFiles:
-    """Write the files of a small synthetic example into a folder: what `ik`, `id` and `tension`
-    need.
+    """Write the files of a small synthetic example: what `ik`, `id` and `tension` need.
 
     Parameters
     ----------

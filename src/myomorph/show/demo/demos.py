@@ -1,5 +1,6 @@
-"""The main job on an embedded default: from markers to a report, on data that come with the
-installation.
+"""The main job on an embedded default: from markers to a report.
+
+The data come with the installation.
 """
 
 from __future__ import annotations
@@ -62,9 +63,10 @@ def run_demo(name: str, out: Path) -> Outcome:
 
 
 def demo_trial(name: str) -> TrialInputs:
-    """A demo's recording, ready for the steps. "jump": a recorded countermovement jump (package
-    `biomdp`) with a leg model (package `myo-sim`); "simulated": a full-body squat that the project
-    simulates, with known truth.
+    """Return a demo's recording, ready for the steps.
+
+    "jump" is a recorded countermovement jump (package `biomdp`) with a leg model (package
+    `myo-sim`). "simulated" is a full-body squat that the project simulates, with known truth.
     """
     if name == "jump":
         return _jump_trial()
@@ -103,7 +105,7 @@ class DemoRecording:
 
 
 def demo_recording(name: Literal["jump", "simulated"] = "simulated") -> DemoRecording:
-    """The recording of `myomorph demo`, which comes with the installation.
+    """Return the recording of `myomorph demo`, which comes with the installation.
 
     Parameters
     ----------
@@ -152,7 +154,7 @@ def demo_recording(name: Literal["jump", "simulated"] = "simulated") -> DemoReco
 
 
 def demo_model(name: str) -> Model:
-    """The model of a demo's recording; raises `UnknownName`."""
+    """Return the model of a demo's recording; raises `UnknownName`."""
     if name == "jump":
         # Without the rest of its trial, as EMG.
         from myomorph.show.simulate.jump import jump_study

@@ -1,8 +1,8 @@
-"""[D] chapter 5 as files that a laboratory would have: two fighters, Tai Chi on one plate, tap
-dance, a drum.
+"""[D] chapter 5 as files that a laboratory would have.
 
-Everything is simulated and its truth known. Each is markers, raw EMG with unknown gains, contacts
-and a study file in a folder; `run` does the rest with default options.
+They are of two fighters, Tai Chi on one plate, tap dance and a drum. Everything is simulated and
+its truth known. Each is markers, raw EMG with unknown gains, contacts and a study file in a folder;
+`run` does the rest with default options.
 """
 
 from __future__ import annotations
@@ -125,9 +125,11 @@ def write_performance(name: str, folder: Path) -> Written:
 
 
 def contact_rows(written: Written, out: Path) -> Iterator[dict[str, object]]:
-    """Of each contact the size of the true force and of the estimate's error in the results `out`,
-    root mean squares, as far as it was estimated, and the skill against a constant guess: the share
-    of the variance about the true mean that it explains, below 0 where the mean is nearer.
+    """Yield the norm of the true force and of the estimate's error of each contact.
+
+    They are root mean squares over the frames in which the force was estimated in the results
+    `out`. The skill against a constant guess stands beside: the share of the variance about the
+    true mean that the estimate explains, below 0 where the mean is nearer.
     """
     table = read_sto(out / written.results / "contact_groups.sto")
     for column, contact in enumerate(written.forces.names):
@@ -188,7 +190,7 @@ def write_errors(written: Written, out: Path, path: Path) -> str:
 
 
 def _judo(folder: Path) -> Written:
-    """A file of markers and of raw EMG of each fighter, and grips that may pass force any way."""
+    """Write markers and raw EMG of each fighter, and grips that may pass force any way."""
     pair = virtual_pair(PairOptions("sway", 1), CUTOFF)
     truth = pair.truth
     torques = inverse_dynamics(

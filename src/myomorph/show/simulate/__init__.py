@@ -1,5 +1,4 @@
-"""Recordings with known truth: virtual subjects, limbs and fighters that demos, benchmarks and
-tests measure against.
+"""Recordings with known truth, which demos, benchmarks and tests measure against.
 
-Nothing that estimates lives here.
+They are of virtual subjects, limbs and fighters. Nothing that estimates lives here.
 """

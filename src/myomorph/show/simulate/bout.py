@@ -1,9 +1,8 @@
-"""A bout: two simulated fighters moved through a plan by their muscles, and every force that
-passed.
+"""A bout: two simulated fighters moved through a plan by their muscles.
 
-Each fighter chooses its muscles' activations for the movement and the pull it intends. The choice
-is no copy of the criterion that the estimate uses. At every instant the activations a, the forces f
-under the soles and the force g of the lapel minimise
+Every force that passed is known. Each fighter chooses its muscles' activations for the movement and
+the pull it intends. The choice is no copy of the criterion that the estimate uses. At every instant
+the activations a, the forces f under the soles and the force g of the lapel minimise
 
     |qdd - wanted|^2 + |feet and lapel stay|^2 + |g - intended|^2 + |sleeve - intended|^2
     + sum_m w_m |a_m - a0_m|^3
@@ -54,8 +53,9 @@ STIFFNESS = 120.0  # Of the way back to the plan [1/s^2]
 
 
 class Controller:
-    """Activations of both fighters from the state, instant by instant; `weight`, `tone`: (muscles,)
-    w and a0.
+    """Activations of both fighters from the state, instant by instant.
+
+    `weight` and `tone` are w and a0 (muscles,).
     """
 
     def __init__(self, compiled: Any, weight: Array, tone: Array):
@@ -74,10 +74,20 @@ class Controller:
         lapel: Array,
         pull: float,
     ) -> Array:
-        """Activations (muscles,) at the state of `data`, of which positions and velocities are up
-        to date. `wanted`: (nv,) accelerations; `standing`: corners of soles on the mat: number of
-        the body, point in it (3,), and where it came down (3,) [m]; `lapel`: (3,) intended force on
-        tori's hand [N]; `pull`: intended at the sleeve [N].
+        """Choose the activations at a state.
+
+        Parameters
+        ----------
+        data : the state, of which positions and velocities are up to date
+        wanted : (nv,) accelerations [rad/s^2 or m/s^2]
+        standing : corners of soles on the mat: number of the body, point in it (3,), and where it
+            came down (3,) [m]
+        lapel : (3,) intended force on tori's hand [N]
+        pull : intended at the sleeve [N]
+
+        Returns
+        -------
+        (muscles,) from 0 to 1
         """
         m = self._m
         soles = [jacobian(m, data, body, point) for body, point, _ in standing]
@@ -116,8 +126,9 @@ class Controller:
         return B[:, :-1], B[:, -1]
 
     def _sleeve(self, data: Any, pull: float) -> tuple[Array, float, float]:
-        """d(length)/d(rates) (nv,) of the sleeve, what it lacks for a pull [m], and how fast it
-        grows [m/s].
+        """Compute d(length)/d(rates) (nv,) of the sleeve.
+
+        What it lacks for a pull [m], and how fast it grows [m/s], come with it.
         """
         J, apart = _between(self._m, data, "tori_grip_l", "cuff")
         length = float(np.linalg.norm(apart))
@@ -140,7 +151,7 @@ class _Aims:
         self.c = np.zeros(B.shape[1])
 
     def add(self, J: Array, target: Array, scale: Array | float) -> None:
-        """The square of (J qdd - target) / scale."""
+        """Add the square of (J qdd - target) / scale."""
         A = J @ self._B / np.reshape(scale, (-1, 1))
         miss = (target - J @ self._b) / scale
         self.H += A.T @ A
@@ -154,7 +165,17 @@ class _Aims:
 
 
 def mass_matrix(m: Any, data: Any) -> Array:
-    """(nv, nv)."""
+    """Compute the mass matrix at a state.
+
+    Parameters
+    ----------
+    m : mujoco.MjModel
+    data : the state
+
+    Returns
+    -------
+    (nv, nv)
+    """
     M = np.empty((m.nv, m.nv))
     column = np.empty(m.nv)
     for j, unit in enumerate(np.eye(m.nv)):
@@ -164,7 +185,17 @@ def mass_matrix(m: Any, data: Any) -> Array:
 
 
 def moments(m: Any, data: Any) -> Array:
-    """d(lengths of muscles)/d(rates), (muscles, nv)."""
+    """Compute the moment-arm matrix at a state.
+
+    Parameters
+    ----------
+    m : mujoco.MjModel
+    data : the state
+
+    Returns
+    -------
+    (muscles, nv) d(lengths of muscles)/d(rates)
+    """
     result = np.zeros((m.nu, m.nv))
     for i in range(m.nu):
         some = slice(data.moment_rowadr[i], data.moment_rowadr[i] + data.moment_rownnz[i])
@@ -173,8 +204,16 @@ def moments(m: Any, data: Any) -> Array:
 
 
 def muscle_strength(m: Any, data: Any) -> tuple[Array, Array, Array]:
-    """Of every muscle at the state: pull per activation, passive pull [N], what the first gains by
-    speed [N s/m].
+    """Compute what every muscle can pull at a state.
+
+    Parameters
+    ----------
+    m : mujoco.MjModel
+    data : the state
+
+    Returns
+    -------
+    (muscles,) pull per activation [N], passive pull [N], and what the first gains by speed [N s/m]
     """
     active = np.empty(m.nu)
     passive = np.empty(m.nu)
@@ -217,7 +256,17 @@ def _solve(H: Array, c: Array, muscles: int, corners: int) -> Array:
 
 
 def pyramids(corners: int, friction: float) -> Array:
-    """G (4 corners, 3 corners) of forces inside friction pyramids about y: those of G f <= 0."""
+    """Make the matrix of friction pyramids about y.
+
+    Parameters
+    ----------
+    corners : points with a force each
+    friction : coefficient
+
+    Returns
+    -------
+    G (4 corners, 3 corners); the forces f inside are those of G f <= 0
+    """
     across = [
         [1.0, -friction, 0.0],
         [-1.0, -friction, 0.0],
@@ -228,7 +277,19 @@ def pyramids(corners: int, friction: float) -> Array:
 
 
 def least(H: Array, c: Array, low: Array, high: Array, G: Array | None, accuracy: float) -> Array:
-    """Min x'Hx/2 + c'x with low <= x <= high and G x <= 0."""
+    """Minimize x'Hx/2 + c'x with low <= x <= high and G x <= 0.
+
+    Parameters
+    ----------
+    H : (n, n)
+    c, low, high : (n,)
+    G : (rows, n), None for no such rows
+    accuracy : of the solution, absolute and relative
+
+    Returns
+    -------
+    (n,) x
+    """
     solver = from_extra("demo", "piqp").DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = accuracy
     solver.setup(H, c, None, None, G, None, None if G is None else np.zeros(len(G)), low, high)
@@ -267,8 +328,19 @@ def simulate_bout(
     tone: Array,
     until: float = np.inf,
 ) -> Run:
-    """Move both fighters through a plan, until its end or `until` [s]; `weight`, `tone`: see
-    `Controller`.
+    """Move both fighters through a plan.
+
+    Parameters
+    ----------
+    compiled : mujoco.MjModel of both
+    builds : by fighter
+    plan : poses and pulls over time
+    weight, tone : (muscles,) w and a0 of `Controller`
+    until : time at which it ends, where the plan is longer [s]
+
+    Returns
+    -------
+    What happened at every step
     """
     m = compiled
     data = mujoco.MjData(m)

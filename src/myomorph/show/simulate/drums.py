@@ -1,8 +1,7 @@
-"""A drummer in a room, made up: strokes of known time and impulse, and what microphones hear of
-them.
+"""A simulated drummer in a room: impacts of known time and impulse, and their sound.
 
-A stroke is a half-sine of force on a membrane of a few modes, with the noise of the stick's
-contact; harder strokes are shorter (Hertz: duration in proportion to impulse^-1/5) and so brighter.
+An impact is a half-sine of force on a membrane of a few modes, with the noise of the stick's
+contact; harder impacts are shorter (Hertz: duration in proportion to impulse^-1/5) and so brighter.
 Each drum reaches each microphone by its direct way, by the mirror images of a box-shaped room to
 the second order, and by a diffuse tail that decays with the room's reverberation time.
 """
@@ -76,7 +75,7 @@ class Truth:
 
 
 def instruments(scene: Scene) -> tuple[Instrument, ...]:
-    """The drums with their microphones, distances to their own known."""
+    """Return the drums with their microphones, distances to their own known."""
     far = float(np.linalg.norm(NEAR) * scene.far)
     return tuple(
         Instrument(name, str(k + 1), far) for k, name in enumerate(list(DRUMS)[: scene.drums])
@@ -84,14 +83,14 @@ def instruments(scene: Scene) -> tuple[Instrument, ...]:
 
 
 def record(scene: Scene, seed: int = 0) -> tuple[Sound, tuple[Truth, ...]]:
-    """The microphones' channels and the strokes that made them."""
+    """Record the microphones' channels and the impacts that made them."""
     rng = np.random.default_rng(seed)
     strokes = _strokes(scene, rng)
     return heard_of(strokes, scene, rng), strokes
 
 
 def heard_of(strokes: Sequence[Truth], scene: Scene, rng: np.random.Generator) -> Sound:
-    """What microphones hear of strokes, in the order of time."""
+    """Simulate what microphones hear of impacts, in the order of time."""
     length = int(scene.duration * RATE)
     heard = np.zeros((length, scene.drums))
     names = list(DRUMS)[: scene.drums]
@@ -148,7 +147,7 @@ def _strokes(scene: Scene, rng: np.random.Generator) -> tuple[Truth, ...]:
 
 
 def _add(source: Array, stroke: Truth, scene: Scene, rng: np.random.Generator) -> None:
-    """The sound of one stroke at 1 m, added to the drum's."""
+    """Add the sound of one impact at 1 m to the drum's."""
     _, lowest, decay, noise = DRUMS[stroke.drum]
     contact = 0.005 * (stroke.impulse / 0.3) ** -0.2
     late = stroke.time * RATE

@@ -1,9 +1,8 @@
-"""A simulated fighter of 29 degrees of freedom and 62 muscles, and two of them on one mat, as
-models of MuJoCo.
+"""A simulated fighter of 29 degrees of freedom and 62 muscles, as a model of MuJoCo.
 
-Masses are shares of the whole as de Leva (1996) gives them for men. Muscles run straight between
-points that were laid by hand so that each joint can turn both ways; they are no anatomy. Axes: x
-forward, y up, z right.
+Two of them on one mat are another. Masses are shares of the whole as de Leva (1996) gives them for
+men. Muscles run straight between points that were laid by hand so that each joint can turn both
+ways; they are no anatomy. Axes: x forward, y up, z right.
 """
 
 from __future__ import annotations
@@ -298,13 +297,27 @@ def muscle_points() -> dict[str, tuple[float, tuple[Point, ...]]]:
 
 
 def sole_points(side: str) -> dict[str, Array]:
-    """Corners of a sole in the foot's frame by name (3,) [m], for a body of `HEIGHT`."""
+    """Return the corners of a sole in the foot's frame, for a body of `HEIGHT`.
+
+    Parameters
+    ----------
+    side : "r" or "l"
+
+    Returns
+    -------
+    (3,) by name [m]
+    """
     sign = 1.0 if side == "r" else -1.0
     return {name: np.array([x, -SOLE_HEIGHT, sign * z]) for name, (x, z) in SOLE.items()}
 
 
 def marker_points() -> dict[str, tuple[str, Array]]:
-    """Body and place (3,) of all markers by name [m], for a body of `HEIGHT`."""
+    """Return where all markers are, for a body of `HEIGHT`.
+
+    Returns
+    -------
+    By name the body, and the (3,) position in its frame [m]
+    """
     result = {}
     for body, places in MARKED.items():
         sides = (("", 1.0),) if body in ("pelvis", "torso") else (("r", 1.0), ("l", -1.0))
@@ -322,8 +335,9 @@ def _sided(body: str, side: str) -> str:
 def fighter_mjcf(
     prefix: str, build: Build, place: tuple[float, float, float], turn: float
 ) -> tuple[str, str, str]:
-    """The fighter as text: its tree of bodies, its tendons and its actuators; `turn`: about the
-    vertical [rad].
+    """Write the fighter as text: its tree of bodies, its tendons and its actuators.
+
+    `turn` is about the vertical [rad].
     """
     s = build.size
     children = grouped((segment.parent, segment) for segment in segments())
@@ -381,7 +395,7 @@ def _inertial(segment: Segment, build: Build) -> str:
 
 
 def _geoms(segment: Segment, prefix: str, s: float) -> list[str]:
-    """What is seen of a segment, and what of a foot stands on the mat."""
+    """Write what is seen of a segment, and what of a foot stands on the mat."""
     shown = [(segment.center, segment.size), *([HEAD] if segment.name == "torso" else [])]
     geoms = [
         f'<geom class="shown" pos="{text(s * np.array(a))}" size="{text(s * np.array(b))}"/>'
@@ -397,7 +411,7 @@ def _geoms(segment: Segment, prefix: str, s: float) -> list[str]:
 
 
 def _muscle(name: str, force: float, path: float) -> str:
-    """A muscle without dynamics of activation: its control is its activation."""
+    """Write a muscle without dynamics of activation: its control is its activation."""
     fiber = FIBER_SHARE * path
     low_share, high_share = RANGE
     low = path + (low_share - 1.0) * fiber
@@ -480,14 +494,23 @@ def _with_site(tree: str, body: str, name: str, place: Array) -> str:
 
 
 def misjudged(build: Build, error: float, random: np.random.Generator) -> Build:
-    """A build whose muscles' strengths are not well known."""
+    """Draw a build whose muscles' strengths are not well known."""
     factors = np.exp(error * random.standard_normal(len(build.paths)))
     return replace(build, strengths=dict(zip(build.paths, factors.tolist(), strict=True)))
 
 
 def with_fibers(builds: Mapping[str, Build], compiled: Any, qpos: Array) -> dict[str, Build]:
-    """The builds, "" of one alone, with muscles whose fibers have their optimal length in a pose
-    (nq,).
+    """Give the muscles of builds fibers that have their optimal length in a pose.
+
+    Parameters
+    ----------
+    builds : by fighter, "" of one alone
+    compiled : mujoco.MjModel of them
+    qpos : (nq,) the pose
+
+    Returns
+    -------
+    The builds, with the lengths of their muscles' paths [m]
     """
     data = mujoco.MjData(compiled)
     data.qpos[:] = qpos

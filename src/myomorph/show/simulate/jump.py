@@ -53,7 +53,7 @@ SHOULDER = "Right_Hombro"
 
 
 def recording_path() -> Path:
-    """The jump's C3D file in the installed package `biomdp`."""
+    """Find the jump's C3D file in the installed package `biomdp`."""
     spec = importlib.util.find_spec("biomdp")
     path = Path(spec.origin).parent / RECORDING if spec is not None and spec.origin else None
     if path is None or not path.exists():
@@ -62,9 +62,7 @@ def recording_path() -> Path:
 
 
 def with_mirrored(markers: Markers) -> Markers:
-    """The recording with the right leg's markers mirrored in the pelvis' middle plane, for a left
-    leg.
-    """
+    """Mirror the right leg's markers in the pelvis' middle plane, for a left leg."""
     middle, side = middle_plane(markers)
     used = (*PELVIS_MARKERS, SHOULDER, *LEG_MARKERS)
     columns = [markers[name] for name in used]
@@ -74,9 +72,18 @@ def with_mirrored(markers: Markers) -> Markers:
 
 
 def middle_plane(markers: Markers) -> tuple[Array, Array]:
-    """A point (frames, 3) and the unit normal (frames, 3) of the upright plane that halves the
-    pelvis. It lies halfway between the spines of the pelvis, across the level part of the line from
-    left to right: upright, so that the mirror image of a foot on the floor stands on the floor.
+    """Find the upright plane that halves the pelvis.
+
+    It lies halfway between the spines of the pelvis, across the level part of the line from left to
+    right: upright, so that the mirror image of a foot on the floor stands on the floor.
+
+    Parameters
+    ----------
+    markers : with those of the pelvis [m]
+
+    Returns
+    -------
+    A point (frames, 3) [m] and the unit normal (frames, 3)
     """
     side = markers["RASI"] - markers["LASI"] + markers["RPSI"] - markers["LPSI"]
     side[:, 1] = 0.0
@@ -85,7 +92,17 @@ def middle_plane(markers: Markers) -> tuple[Array, Array]:
 
 
 def mirrored(vectors: Array, side: Array) -> Array:
-    """Vectors (frames, 3) mirrored in planes through the origin with unit normals `side`."""
+    """Mirror vectors in planes through the origin.
+
+    Parameters
+    ----------
+    vectors : (frames, 3)
+    side : (frames, 3) unit normals of the planes
+
+    Returns
+    -------
+    (frames, 3)
+    """
     return vectors - 2.0 * np.sum(vectors * side, axis=1, keepdims=True) * side
 
 
@@ -95,11 +112,20 @@ def mirrored_name(name: str) -> str:
 
 
 def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
-    """Half of plate 1 on the right foot, its mirror image on the left, and the share that the plate
-    shows. The force on the right foot acts as far forward as the center of pressure of the plate,
-    on the line from the heel through the ankle's center. Were the left foot as far from the middle
-    of the hips as the right one, the center of pressure would divide their distance by the shares
-    of the feet.
+    """Put half of plate 1 on the right foot and its mirror image on the left.
+
+    The force on the right foot acts as far forward as the center of pressure of the plate, on the
+    line from the heel through the ankle's center. Were the left foot as far from the middle of the
+    hips as the right one, the center of pressure would divide their distance by the shares of the
+    feet.
+
+    Parameters
+    ----------
+    trial : with markers and plate 1
+
+    Returns
+    -------
+    Wrenches on both feet, and the share (samples,) that the plate shows, NaN where it is not loaded
     """
     plate = trial.plates[0]
     markers = trial.markers
@@ -143,10 +169,11 @@ def _at(clock: Array, time: Array, column: Array) -> Array:
 
 
 def events_of(trial: Trial) -> tuple[Event, ...]:
-    """Phases of the jump, read off the vertical force of plate 1. Start: the force leaves quiet
-    standing by five of its standard deviations for good; lowest: the pelvis markers are lowest
-    before take-off; take-off and landing: the plate is unloaded and loaded again; peak: the largest
-    force after landing.
+    """Find the phases of the jump from the vertical force of plate 1.
+
+    Start: the force leaves quiet standing by five of its standard deviations for good. Lowest: the
+    pelvis markers are lowest before take-off. Take-off and landing: the plate is unloaded and
+    loaded again. Peak: the largest force after landing.
     """
     plate = trial.plates[0]
     markers = trial.markers
@@ -205,9 +232,11 @@ def _default_poses(model: Model) -> dict[str, Transform]:
 
 
 def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict[str, float]]:
-    """The model with segments as long as the jumper's, and the factors by which each body grew.
-    Pelvis by the distance of the hip centers, thighs from hip to knee, shanks and feet from knee to
-    ankle, the trunk by the mean of thigh and shank. Both legs get the right leg's factors.
+    """Scale the model to segments as long as the jumper's.
+
+    The pelvis is scaled by the distance of the hip centers, thighs from hip to knee, shanks and
+    feet from knee to ankle, the trunk by the mean of thigh and shank. Both legs get the right leg's
+    factors. The factors by which each body grew are the second result.
     """
     poses = _default_poses(model)
 
@@ -241,10 +270,11 @@ def fitted_model(model: Model, quiet: Markers, mass: float) -> tuple[Model, dict
 
 
 def calibrated(model: Model, quiet: Markers) -> Model:
-    """The model with all markers where quiet standing shows them. Its pose there: joint centers and
-    bony landmarks by inverse kinematics, the sole level (the jumper wears shoes, so heights of foot
-    markers show nothing), the trunk upright. The mirrored markers lie on the left leg as their
-    originals on the right one.
+    """Move all markers of the model to where quiet standing shows them.
+
+    The pose there comes from joint centers and bony landmarks by inverse kinematics, the sole level
+    (the jumper wears shoes, so heights of foot markers show nothing), the trunk upright. The
+    mirrored markers lie on the left leg as their originals on the right one.
     """
     neutral = _default_poses(model)
     talus = neutral["talus_r"].translation
@@ -275,7 +305,7 @@ def calibrated(model: Model, quiet: Markers) -> Model:
 
 
 def _upright(model: Model, motion: Motion) -> Motion:
-    """The pose with the trunk bent so that the chest's own vertical is the ground's."""
+    """Bend the trunk of the pose so that the chest's own vertical is the ground's."""
     tree = compile_tree(model)
     column = motion.names.index(TRUNK_BEND)
     torso = tree.body_index["torso"]
@@ -345,7 +375,7 @@ class JumpStudy:
 
 
 def jump_study() -> JumpStudy:
-    """The jump, ready for inverse kinematics, inverse dynamics, muscle paths and tensions."""
+    """Prepare the jump for inverse kinematics, inverse dynamics, muscle paths and tensions."""
     path = recording_path()
     # The file is read in a process of its own, which leaves this one free to make the model.
     with ThreadPoolExecutor(1) as pool:

@@ -1,10 +1,9 @@
-"""Two simulated fighters pulling on each other, with every force known: what a laboratory would
-record of them.
+"""Two simulated fighters pulling on each other, as a laboratory would record them.
 
-Nobody was measured. MuJoCo moves both bodies forward under the forces of their muscles; the mat
-holds the soles by its contacts, tori's right hand holds uke's lapel by a constraint, and a sleeve
-that can only pull joins tori's left fist to uke's right forearm. How the fighters choose
-activations stands in `bout`; it is not how the estimate does.
+Every force is known. Nobody was measured. MuJoCo moves both bodies forward under the forces of
+their muscles; the mat holds the soles by its contacts, tori's right hand holds uke's lapel by a
+constraint, and a sleeve that can only pull joins tori's left fist to uke's right forearm. How the
+fighters choose activations stands in `bout`; it is not how the estimate does.
 """
 
 from __future__ import annotations
@@ -105,8 +104,10 @@ class VirtualPair:
 
 
 def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None) -> VirtualPair:
-    """Simulate a bout. `cutoff`: low-pass of the true forces, to compare with an estimate that
-    filters so [Hz].
+    """Simulate a bout.
+
+    `cutoff` is that of a low-pass of the true forces, to compare with an estimate that filters so
+    [Hz].
     """
     options = options or PairOptions()
     random = np.random.default_rng(options.seed)
@@ -128,8 +129,10 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
 def _setting(
     options: PairOptions, random: np.random.Generator
 ) -> tuple[Any, dict[str, fighter.Build], dict[str, fighter.Build], Plan, Array, Array]:
-    """The pair's mujoco.MjModel, builds, builds as the laboratory takes them, plan, weight and tone
-    (muscles,).
+    """Draw the setting of a bout.
+
+    It is the pair's mujoco.MjModel, builds, builds as the laboratory takes them, plan, weight and
+    tone (muscles,).
     """
     builds = {
         part: fighter.Build(
@@ -251,9 +254,10 @@ def _recorded(
 
 
 def pair_sites(builds: Mapping[str, fighter.Build], directed: bool = False) -> tuple[Site, ...]:
-    """Heels and toes of the four feet, and the two grips. `directed`: grips can only be pulled,
-    straight ahead of tori's trunk, the lapel within 45 degrees and the sleeve within 27; else force
-    may pass them any way.
+    """Return the sites of contact: heels and toes of the four feet, and the two grips.
+
+    With `directed`, grips can only be pulled, straight ahead of tori's trunk, the lapel within 45
+    degrees and the sleeve within 27; else force may pass them any way.
     """
     sites = []
     for foot in FEET:

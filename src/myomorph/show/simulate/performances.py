@@ -1,5 +1,6 @@
-"""What a simulated performer does: a slow shift of weight, taps of heels and toes, strokes of two
-drums.
+"""The performances of a simulated performer.
+
+They are a slow shift of weight, taps of heels and toes, and impacts on two drums.
 """
 
 from __future__ import annotations
@@ -19,14 +20,25 @@ NARROW = 0.12  # Half the distance of the feet [m].
 
 
 def smooth(time: float | Array, start: float, stop: float) -> Array:
-    """From 0 to 1, smooth to the second derivative."""
+    """Rise from 0 to 1, smooth to the second derivative.
+
+    Parameters
+    ----------
+    time : of any shape [s]
+    start, stop : of the rise [s]
+
+    Returns
+    -------
+    As `time`, from 0 to 1
+    """
     x = np.clip((np.asarray(time) - start) / (stop - start), 0.0, 1.0)
     return x**3 * (10.0 - 15.0 * x + 6.0 * x * x)
 
 
 def foot_aims(side: str, wide: float, pitch: float = 0.0, about: float = 0.0) -> list[Aim]:
-    """A foot on its place, pitched (toes up) about the point of the sole `about` ahead of the ankle
-    [rad, m].
+    """Aim a foot at its position, pitched (toes up) about a point of the sole.
+
+    `pitch` is in rad, and the point is `about` ahead of the ankle [m].
     """
     z = wide if side == "r" else -wide
     turn = axis_rotation((0.0, 0.0, 1.0), pitch)
@@ -39,8 +51,9 @@ def foot_aims(side: str, wide: float, pitch: float = 0.0, about: float = 0.0) ->
 
 
 def trunk_aims(sway: float, drop: float, twist: float = 0.0, ahead: float = 0.05) -> list[Aim]:
-    """The pelvis over the feet, `sway` to the right and `drop` below straight legs [m]; a trunk
-    that turns left.
+    """Aim the pelvis over the feet, and a trunk that turns left.
+
+    The pelvis is `sway` to the right and `drop` below straight legs [m].
     """
     place = np.array([ahead - 0.03, fighter.LEG * HEIGHT / fighter.HEIGHT - drop, sway])
     turns = [
@@ -54,7 +67,7 @@ def trunk_aims(sway: float, drop: float, twist: float = 0.0, ahead: float = 0.05
 
 
 def fist_aim(side: str, place: Sequence[float]) -> Aim:
-    """A fist at a place from the middle between the feet [m]."""
+    """Aim a fist at a position from the middle between the feet [m]."""
     return Aim(f"forearm_{side}", np.array(fighter.GRIP), np.array(place), weight=0.3)
 
 
@@ -81,8 +94,9 @@ UP = 0.25  # Half of the time that an end is up [s].
 
 
 def tap_part() -> Part:
-    """Toes and heels that lift and come down one after the other while the weight goes from foot to
-    foot.
+    """Make the part of a tap dancer.
+
+    Toes and heels lift and come down one after the other while the weight goes from foot to foot.
     """
 
     def lifted(end: str, time: float | Array) -> Array:
@@ -128,8 +142,10 @@ STICK_OF = {"snare": "r", "high tom": "l"}
 
 
 def drum_part(strokes: Sequence[tuple[str, float, float]], duration: float) -> Part:
-    """Both arms strike: the tip comes down to the drum, which pushes it up again. `strokes`: drum,
-    time, impulse.
+    """Make the part of a drummer, who strikes with both arms.
+
+    The tip comes down to the drum, which pushes it up again. `strokes` have drum, time [s] and
+    impulse [N s].
     """
 
     def aims(time: float) -> list[Aim]:

@@ -1,10 +1,10 @@
-"""A simulated person who moves as planned: every contact force and activation is known, and none by
-Myomorph's kernels.
+"""A simulated person who moves as planned, with every contact force and activation known.
 
-The body is that of `simulate.fighter`, alone, with masses, muscles' points and strengths that the
-laboratory does not know. MuJoCo's inverse dynamics gives what the planned motion needs. Contacts
-share it by weights drawn at random and a push of the feet against each other; muscles by random
-weights, a random tone and cubes. Synthetic: nobody was measured.
+None of them comes from Myomorph's kernels. The body is that of `simulate.fighter`, alone, with
+masses, muscles' points and strengths that the laboratory does not know. MuJoCo's inverse dynamics
+gives what the planned motion needs. Contacts share it by weights drawn at random and a push of the
+feet against each other; muscles by random weights, a random tone and cubes. Synthetic: nobody was
+measured.
 """
 
 from __future__ import annotations
@@ -48,8 +48,9 @@ class Contact:
 
 @read_only
 class Blow:
-    """A half-sine of force on a point, as a drum gives it: when it begins [s], impulse [N s] along
-    +y, length [s].
+    """An impact, as a drum gives it: a half-sine of force on a point along +y.
+
+    It has the time when it begins [s], its impulse [N s] and its length [s].
     """
 
     body: str
@@ -61,8 +62,9 @@ class Blow:
 
 @dataclass(frozen=True)
 class Part:
-    """What the person does. `aims`: of the pose at a time [s]; `squeeze`: of the feet, outwards,
-    over the weight.
+    """What the person does.
+
+    `aims` are of the pose at a time [s]. `squeeze` is that of the feet, outwards, over the weight.
     """
 
     aims: Callable[[float], Sequence[Aim]]
@@ -76,8 +78,9 @@ class Part:
 
 @read_only
 class Performance:
-    """What truly happened. `body`: the person as the laboratory's model has it, markers where they
-    are by it.
+    """What truly happened.
+
+    `body` is the person as the laboratory's model has it, markers where they are by it.
     """
 
     text: str
@@ -91,7 +94,7 @@ class Performance:
 
 
 def performed(part: Part) -> Performance:
-    """The performance."""
+    """Simulate the performance of a part."""
     random = np.random.default_rng(part.seed)
     build = fighter.Build(MASS, HEIGHT)
     # Fibers have their optimal length in the pose that all poses start from.
@@ -134,7 +137,10 @@ def with_marker_tuple(text: str) -> str:
 
 
 def worn(model: Model, random: np.random.Generator, shift: float = 0.005) -> Model:
-    """The model with its markers where they truly are, some millimeters off along each axis."""
+    """Move the markers of the model to where they truly are.
+
+    They are some millimeters off along each axis.
+    """
     return model.with_markers(
         tuple(
             replace(one, location=one.location + shift * random.standard_normal(3))
@@ -144,15 +150,24 @@ def worn(model: Model, random: np.random.Generator, shift: float = 0.005) -> Mod
 
 
 def sole(side: str, ends: str = "") -> Array:
-    """Corners of a sole, all or those of the "heel" or the "toe", (points, 3) in the foot's frame
-    [m].
+    """Return the corners of a sole in the foot's frame.
+
+    Parameters
+    ----------
+    side : "r" or "l"
+    ends : "heel" or "toe"; "" for both
+
+    Returns
+    -------
+    (points, 3) [m]
     """
     return np.array([at for name, at in fighter.sole_points(side).items() if name.startswith(ends)])
 
 
 def _disturb(compiled: Any, random: np.random.Generator) -> None:
-    """Masses 5 % off, the whole as weighed; mass centers 5 mm and muscles' points 2 mm off
-    (standard deviations).
+    """Put masses 5 % off, the whole as weighed.
+
+    Mass centers are 5 mm and muscles' points 2 mm off (standard deviations).
     """
     bodies = slice(1, None)
     factors = np.exp(0.05 * random.standard_normal(compiled.nbody - 1))
@@ -168,8 +183,9 @@ def _disturb(compiled: Any, random: np.random.Generator) -> None:
 
 
 def _states(compiled: Any, part: Part, time: Array) -> tuple[Array, Array, Array]:
-    """Qpos (frames, nq), rates and accelerations (frames, nv) of the plan and of what blows do to
-    it.
+    """Compute the plan and what impacts do to it.
+
+    The results are qpos (frames, nq), rates and accelerations (frames, nv).
     """
     knots = np.arange(round(part.duration * KNOT_RATE) + 3) / KNOT_RATE - 1.0 / KNOT_RATE
     first = posed(compiled, start_pose(compiled, ALONE), part.aims(0.0), 0.02)
@@ -228,8 +244,9 @@ def _attitude(compiled: Any, data: Any, contact: Contact) -> Array:
 
 
 def _kick(since: Array, length: float, recovery: float = 0.3) -> Array:
-    """Course (times,) of what a change of rates of 1 leaves: the blow's ramp, then back to the
-    plan, smooth.
+    """Compute the course (times,) of what a change of rates of 1 leaves.
+
+    It is the impact's ramp, then back to the plan, smooth.
     """
     x = np.clip(since / length, 0.0, 1.0)
     during = 0.5 * length * (x - np.sin(np.pi * x) / np.pi)
@@ -240,7 +257,17 @@ def _kick(since: Array, length: float, recovery: float = 0.3) -> Array:
 
 
 def force_of(blow: Blow, time: Array) -> Array:
-    """(frames,) [N] of a blow."""
+    """Compute the force of an impact.
+
+    Parameters
+    ----------
+    blow : the impact
+    time : (frames,) [s]
+
+    Returns
+    -------
+    (frames,) [N]
+    """
     x = (time - blow.time) / blow.length
     return np.where(
         (x > 0.0) & (x < 1.0), 0.5 * np.pi * blow.impulse / blow.length * np.sin(np.pi * x), 0.0
@@ -254,7 +281,7 @@ def _dynamics(
     states: tuple[Array, Array, Array],
     random: np.random.Generator,
 ) -> tuple[Array, Array, Array, Array]:
-    """Forces of contacts, their wrench, torques of hinges and activations."""
+    """Compute forces of contacts, their wrench, torques of hinges and activations."""
     data = mujoco.MjData(compiled)
     ready = np.stack([contact.on(time) for contact in part.contacts], axis=1)
     corners = [
@@ -316,8 +343,9 @@ def _shared(
     weight: Array,
     part: Part,
 ) -> Array:
-    """(corners, 3) forces of the wrench, inside friction pyramids about y, by the person's own
-    weights.
+    """Share the wrench among the corners by the person's own weights, (corners, 3) forces [N].
+
+    They stay inside friction pyramids about y.
     """
     count = len(places)
     moment = np.zeros((6, 3 * count))

@@ -1,5 +1,6 @@
-"""What two simulated fighters do: poses with feet on the mat and grips closed, a pull, a sway or a
-step.
+"""The plan of two simulated fighters: a pull, a sway or a step.
+
+Its poses have feet on the mat and grips closed.
 """
 
 from __future__ import annotations
@@ -35,8 +36,18 @@ class Aim:
 
 
 def posed(compiled: Any, start: Array, aims: Sequence[Aim], posture: float = 0.03) -> Array:
-    """The pose (nq,) nearest to `start` (by the weight `posture`) that meets the aims, by damped
-    Gauss-Newton steps.
+    """Find the pose that meets aims, by damped Gauss-Newton steps.
+
+    Parameters
+    ----------
+    compiled : mujoco.MjModel
+    start : (nq,) the pose to stay near
+    aims : what the pose has to reach
+    posture : weight of `start`
+
+    Returns
+    -------
+    (nq,)
     """
     data = mujoco.MjData(compiled)
     q = start.copy()
@@ -66,7 +77,16 @@ def posed(compiled: Any, start: Array, aims: Sequence[Aim], posture: float = 0.0
 
 
 def roots(compiled: Any) -> np.ndarray:
-    """Rates of free joints by their indices."""
+    """Find the rates of free joints.
+
+    Parameters
+    ----------
+    compiled : mujoco.MjModel
+
+    Returns
+    -------
+    Indices into the rates
+    """
     free = [j for j in range(compiled.njnt) if compiled.jnt_type[j] == mujoco.mjtJoint.mjJNT_FREE]
     return np.concatenate([compiled.jnt_dofadr[j] + np.arange(6) for j in free])
 
@@ -91,7 +111,19 @@ def _row(compiled: Any, data: Any, aim: Aim) -> tuple[Array, Array]:
 
 
 def jacobian(compiled: Any, data: Any, body: int, point: Array) -> tuple[Array, Array]:
-    """d(place)/d(rates) (3, nv) of a point fixed to a body, and its place (3,) in ground [m]."""
+    """Compute d(position)/d(rates) of a point fixed to a body, and its position.
+
+    Parameters
+    ----------
+    compiled : mujoco.MjModel
+    data : the state
+    body : number
+    point : (3,) in the body's frame [m]
+
+    Returns
+    -------
+    (3, nv), and (3,) in ground [m]
+    """
     J = np.zeros((3, compiled.nv))
     place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point
     mujoco.mj_jac(compiled, data, J, None, place, body)
@@ -150,7 +182,17 @@ class Plan:
         return self.stances[-1].time
 
     def at(self, compiled: Any, time: float) -> tuple[Array, Array, Array]:
-        """Pose (nq,), rates and accelerations (nv,) of the plan."""
+        """Interpolate the plan.
+
+        Parameters
+        ----------
+        compiled : mujoco.MjModel
+        time : [s]
+
+        Returns
+        -------
+        Pose (nq,), rates and accelerations (nv,)
+        """
         times = np.array([stance.time for stance in self.stances])
         pose = int(np.clip(np.searchsorted(times, time, side="right") - 1, 0, len(times) - 2))
         length = float(times[pose + 1] - times[pose])
@@ -179,8 +221,9 @@ def make_plan(
     random: np.random.Generator,
     vigor: float = 1.0,
 ) -> Plan:
-    """A plan of one kind, its measures drawn; `vigor`: factor of the pulls, and of how far the
-    fighters lean back.
+    """Draw a plan of one kind.
+
+    `vigor` is a factor of the pulls, and of how far the fighters lean back.
     """
     check_name("kind of bout", kind, get_args(Kind), "the simulation")
     base = Stance(
@@ -236,8 +279,16 @@ def make_plan(
 
 
 def start_pose(compiled: Any, begins: Sequence[str] = ("tori_", "uke_")) -> Array:
-    """Bent knees and elbows (nq,), from which poses are sought. `begins`: of the names of each
-    person's joints.
+    """Bend knees and elbows, for a pose from which others are sought.
+
+    Parameters
+    ----------
+    compiled : mujoco.MjModel
+    begins : of the names of each person's joints
+
+    Returns
+    -------
+    (nq,)
     """
     q = np.array(compiled.qpos0)
     for begin in begins:
@@ -248,8 +299,9 @@ def start_pose(compiled: Any, begins: Sequence[str] = ("tori_", "uke_")) -> Arra
 
 
 def aims_of(builds: Mapping[str, Build], stance: Stance) -> Sequence[Aim]:
-    """What a pose has to reach: feet on their places, grips closed, pelves and trunks as the stance
-    says.
+    """Return what a pose has to reach.
+
+    Feet are on their positions, grips closed, pelves and trunks as the stance has them.
     """
     aims: list[Aim] = []
     size = {part: builds[part].size for part in PARTS}

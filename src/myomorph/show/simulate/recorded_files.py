@@ -1,5 +1,6 @@
-"""Files of a simulated recording as a laboratory has them: markers on skin, one force plate, raw
-EMG of 16 channels.
+"""Files of a simulated recording as a laboratory has them.
+
+They hold markers on skin, one force plate, and raw EMG of 16 channels.
 """
 
 from __future__ import annotations
@@ -31,8 +32,9 @@ AXES = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def skin_markers(model: Model, motion: Motion, random: np.random.Generator) -> Markers:
-    """Markers some millimeters from where the model has them, that slide on the skin, with white
-    noise.
+    """Simulate markers some millimeters from where the model has them.
+
+    They slide on the skin, with white noise.
     """
     return measured_markers(worn(model, random), motion, ON_SKIN, random)
 
@@ -40,8 +42,15 @@ def skin_markers(model: Model, motion: Motion, random: np.random.Generator) -> M
 def write_plate_c3d(
     shown: Performance, path: Path, middle: Array, size: tuple[float, float], seed: int
 ) -> None:
-    """Markers and one plate that all contacts press on, `size` along x and z, about a point of the
-    floor (3,).
+    """Write markers and one plate that all contacts press on.
+
+    Parameters
+    ----------
+    shown : the performance
+    path : of the C3D file
+    middle : (3,) point of the floor under the plate [m]
+    size : of the plate along x and z [m]
+    seed : of the noise
     """
     random = np.random.default_rng(seed)
     markers = skin_markers(shown.body, shown.motion, random)
@@ -63,13 +72,14 @@ def write_plate_c3d(
 
 
 def write_markers(model: Model, motion: Motion, path: Path, seed: int) -> None:
-    """A TRC file."""
+    """Write the markers to a TRC file."""
     write_trc(skin_markers(model, motion, np.random.default_rng(seed)), path)
 
 
 def write_raw_emg(activations: Series, path: Path, seed: int) -> tuple[str, ...]:
-    """Raw EMG of both sides of [D]'s eight muscles, each channel with a gain that nobody knows;
-    their names.
+    """Write raw EMG of both sides of [D]'s eight muscles; return their names.
+
+    Each channel has a gain that nobody knows.
     """
     random = np.random.default_rng(seed)
     names = tuple(name for name in activations.names if name.startswith(CHANNELS))

@@ -1,11 +1,11 @@
-"""A full-body capture that the project simulates itself: a squat with raised arms whose truth is
-known.
+"""A full-body capture that the project simulates itself: a squat with raised arms.
 
-The body is MyoFullBody, which comes with `myo-sim`. Smooth coordinates are laid through poses that
-keep both feet on the floor; markers follow from them, with noise; the force on the feet is the one
-that balances the equations of motion, so that nothing is left at the root; torques follow by
-inverse dynamics, and activations by the same least-effort criterion that the estimate uses. What
-the report compares is thus the effect of noise and filters, not the criterion itself.
+Its truth is known. The body is MyoFullBody, which comes with `myo-sim`. Smooth coordinates are laid
+through poses that keep both feet on the floor; markers follow from them, with noise; the force on
+the feet is the one that balances the equations of motion, so that nothing is left at the root;
+torques follow by inverse dynamics, and activations by the same least-effort criterion that the
+estimate uses. What the report compares is thus the effect of noise and filters, not the criterion
+itself.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ class SimulationOptions:
 
 
 def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
-    """The simulated capture, ready for all steps, with its truth."""
+    """Return the simulated capture, ready for all steps, with its truth."""
     # Brings SciPy: loaded only where it is needed.
     from myomorph.core.tension.solve import solve_tension
 
@@ -196,8 +196,9 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
 
 
 def marked_body() -> Model:
-    """MyoFullBody with a cluster of four markers on each of 15 bodies; fingers and wrists are
-    locked.
+    """Put a cluster of four markers on each of 15 bodies of MyoFullBody.
+
+    Fingers and wrists are locked.
     """
     model = composed_model("myofullbody")
     dependent = model.dependent_coordinates
@@ -227,7 +228,7 @@ class Splines:
     spline: Any
 
     def at(self, rate: float, duration: float) -> Motion:
-        """The motion with exact derivatives at so many frames a second."""
+        """Sample the motion with exact derivatives at so many frames a second."""
         return self.at_times(np.arange(round(rate * duration) + 1) / rate)
 
     def at_times(self, time: Array) -> Motion:
@@ -251,9 +252,10 @@ class Splines:
 
 
 def squat_splines(model: Model, options: SimulationOptions) -> Splines:
-    """Smooth coordinates through poses that keep the feet where they stand. Between standing and
-    `SQUAT` the depth is (1 - cos) / 2; each pose is the one nearest to that whose heel markers stay
-    in place.
+    """Lay smooth coordinates through poses that keep the feet where they stand.
+
+    Between standing and `SQUAT` the depth is (1 - cos) / 2; each pose is the one nearest to that
+    whose heel markers stay in place.
     """
     time = np.arange(round(KNOT_RATE * options.duration) + 1) / KNOT_RATE
     depth = 0.5 - 0.5 * np.cos(2.0 * np.pi * options.squats * time / options.duration)
@@ -279,9 +281,10 @@ def squat_splines(model: Model, options: SimulationOptions) -> Splines:
 
 
 def balancing_wrenches(tree: Tree, motion: Motion) -> Wrenches:
-    """Forces on both feet, half each, that leave nothing at the root. The force that the whole body
-    needs is moved to the feet: its center of pressure on the floor lies midway between two points
-    that are as far apart as the feet.
+    """Find forces on both feet, half each, that leave nothing at the root.
+
+    The force that the whole body needs is moved to the feet: its center of pressure on the floor
+    lies midway between two points that are as far apart as the feet.
     """
     total = total_wrench(tree, motion)
     force = total.force
