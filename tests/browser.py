@@ -177,7 +177,16 @@ class Browser:
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
     def picture(self, path: Path | None = None) -> np.ndarray:
-        """Return a picture of the window, also written as a PNG file where `path` is given."""
+        """Return a picture of the window.
+
+        Parameters
+        ----------
+        path : of a PNG file that is written too, None for none
+
+        Returns
+        -------
+        (height, width, 3) red, green and blue in 0..255
+        """
         image = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
         if path is not None:
             path.write_bytes(image)

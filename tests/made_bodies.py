@@ -15,7 +15,17 @@ MASS = 70.0
 
 
 def filled(spacing: float, place: tuple[float, float, float] = (0.3, 1.0, -0.2)) -> np.ndarray:
-    """Points of a grid inside the ellipsoid."""
+    """Return points of a grid inside the ellipsoid.
+
+    Parameters
+    ----------
+    spacing : of the grid [m]
+    place : center of the ellipsoid [m]
+
+    Returns
+    -------
+    (points, 3) [m]
+    """
     steps = [np.arange(-a + 0.5 * spacing, a, spacing) for a in AXES]
     grid = np.stack(np.meshgrid(*steps, indexing="ij"), axis=-1).reshape(-1, 3)
     return grid[((grid / AXES) ** 2).sum(axis=1) < 1.0] + place
@@ -65,7 +75,20 @@ def made_body(
 def measured(
     body: MassPoints, rows: int, truth: np.ndarray, noise: float = 1.0, seed: int = 1
 ) -> tuple:
-    """Random combinations of the true parameters (links, 10) in units of their noise: A and b."""
+    """Make random combinations of the true parameters in units of their noise.
+
+    Parameters
+    ----------
+    body : whose reference scales the parameters
+    rows : number of combinations
+    truth : (links, 10) inertial parameters
+    noise : standard deviation of each row
+    seed : of combinations and noise
+
+    Returns
+    -------
+    A (rows, 10 links) and b (rows,)
+    """
     random = np.random.default_rng(seed)
     typical = np.abs(body.parameters(body.reference)).mean(axis=0)
     A = 30.0 * random.normal(size=(rows, truth.size)) / np.tile(typical, len(truth))

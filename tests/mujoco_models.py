@@ -121,9 +121,16 @@ def random_motion(model: Model, frames: int, seed: int = 0, spread: float = 1.0)
 
 
 def qpos_from_coordinates(model: Model, coordinates) -> np.ndarray:
-    """Return MuJoCo's `qpos` (..., nq) for values of all coordinates (..., coordinates).
+    """Return MuJoCo's `qpos` for values of all coordinates.
 
-    The w of quaternions is not negative.
+    Parameters
+    ----------
+    model : read from MuJoCo
+    coordinates : (..., coordinates) in the model's order [rad or m]
+
+    Returns
+    -------
+    (..., nq); the w of quaternions is not negative
     """
     c = np.asarray(coordinates, dtype=np.float64)
     rows = []

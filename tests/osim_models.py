@@ -73,7 +73,17 @@ def body_poses(model: Model, values: Mapping[str, float]) -> dict[str, Transform
 
 
 def point_place(point: PathPoint | MovingPathPoint, values: Mapping[str, float]) -> Array:
-    """Return a path point in its body's frame."""
+    """Return a path point in its body's frame.
+
+    Parameters
+    ----------
+    point : fixed or moving
+    values : coordinates by name [rad or m]
+
+    Returns
+    -------
+    (3,) [m]
+    """
     if isinstance(point, PathPoint):
         return point.location
     pairs = zip(point.functions, point.coordinates, strict=True)

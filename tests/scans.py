@@ -64,7 +64,20 @@ def sharper(bone: Surface) -> Surface:
 def ball(
     center: np.ndarray, diameter: float, random: np.random.Generator, noise: float, keep=None
 ) -> Surface:
-    """Make a noisy sphere, of which `keep(points)` chooses what is visible."""
+    """Make a noisy sphere.
+
+    Parameters
+    ----------
+    center : (3,) [m]
+    diameter : [m]
+    random : generator of the noise
+    noise : standard deviation of each vertex along an axis [m]
+    keep : function of points (n, 3) that chooses which of them are visible, None for all
+
+    Returns
+    -------
+    Surface of the triangles whose corners are all visible
+    """
     mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.5 * diameter)
     points = np.array(mesh.vertices)
     faces = np.array(mesh.faces)
@@ -83,7 +96,19 @@ def joined(parts: list[Surface]) -> Surface:
 def cluster(
     centers: np.ndarray, diameter: float = 0.009, seed: int = 0, noise: float = 5e-5
 ) -> Surface:
-    """Balls at centers, apart from each other, with a plate and a pin that hold them."""
+    """Make balls at centers, apart from each other, with a plate and a pin that hold them.
+
+    Parameters
+    ----------
+    centers : (balls, 3) [m]
+    diameter : [m]
+    seed : of the noise
+    noise : standard deviation of each vertex along an axis [m]
+
+    Returns
+    -------
+    Surface of several parts
+    """
     random = np.random.default_rng(seed)
     plate = trimesh.creation.box(extents=(0.06, 0.05, 0.003))
     pin = trimesh.creation.cylinder(radius=0.001, height=0.08)
@@ -99,7 +124,17 @@ def cluster(
 
 
 def grown_together(centers: np.ndarray, diameter: float = 0.009) -> Surface:
-    """Balls on a plate as one connected surface, as a threshold leaves them."""
+    """Make balls on a plate as one connected surface, as a threshold leaves them.
+
+    Parameters
+    ----------
+    centers : (balls, 3) [m]
+    diameter : [m]
+
+    Returns
+    -------
+    Surface of one part
+    """
     solid = trimesh.creation.box(extents=(0.07, 0.06, 0.004))
     solid.apply_translation(centers.mean(axis=0) + [0, 0, -0.005])
     grid = 0.0005

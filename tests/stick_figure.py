@@ -103,11 +103,14 @@ class Person:
 
 
 def person(seed: int = 0, frames: int = 200, noise: float = 3e-4, symmetric: bool = True) -> Person:
-    """Lengths 5 % off, markers 1 cm, moving in all coordinates.
+    """Make a person with lengths 5 % off and markers 1 cm off, moving in all coordinates.
 
     Parameters
     ----------
+    seed : of lengths, markers, motion and noise
+    frames : at 50 Hz
     noise : SD of a marker along one axis [m]
+    symmetric : both sides have the same lengths
     """
     rng = np.random.default_rng(seed)
     generic = stick_figure()

@@ -161,6 +161,15 @@ def steps(time: np.ndarray, weight: float) -> Wrenches:
     """Make right stance from 0.2 s to 0.9 s, left from 0.7 s to 1.4 s.
 
     They are half sine waves of one body weight.
+
+    Parameters
+    ----------
+    time : (frames,) [s]
+    weight : of the body [N]
+
+    Returns
+    -------
+    Wrenches of two plates under the tibias
     """
     forces = np.zeros((len(time), 2, 3))
     for k, start in enumerate((0.2, 0.7)):

@@ -9,7 +9,7 @@ from myomorph.lab.analysis.correlations import correlate
 TIME = np.arange(1001) / 50.0
 
 
-def noise(
+def _noise(
     random: np.random.Generator, columns: int, cutoff: float, time: np.ndarray = TIME
 ) -> np.ndarray:
     """Columns of noise below a frequency [Hz]."""
@@ -19,23 +19,23 @@ def noise(
     )[-len(time) :]
 
 
-def series(values: np.ndarray, time: np.ndarray = TIME) -> Series:
+def _series(values: np.ndarray, time: np.ndarray = TIME) -> Series:
     return Series(time, tuple(f"s{i}" for i in range(values.shape[1])), values)
 
 
 def test_a_known_correlation_is_measured() -> None:
     random = np.random.default_rng(5)
-    source = noise(random, 1, 2.0)
+    source = _noise(random, 1, 2.0)
     follower = source + 0.3 * source.std() * random.standard_normal(source.shape)
-    result = correlate(series(follower), series(source))
+    result = correlate(_series(follower), _series(source))
     assert result.values[0, 0] == pytest.approx(1.0 / np.sqrt(1.09), abs=0.03)
     assert result.significant[0, 0]
 
 
 def test_sign_follows_and_scale_does_not_matter() -> None:
-    x = noise(np.random.default_rng(2), 2, 1.0)
-    first = correlate(series(x), series(x[:, :1]))
-    other = correlate(series(-3.0 + 1e4 * x * [1, -1]), series(x[:, :1] * 1e-6))
+    x = _noise(np.random.default_rng(2), 2, 1.0)
+    first = correlate(_series(x), _series(x[:, :1]))
+    other = correlate(_series(-3.0 + 1e4 * x * [1, -1]), _series(x[:, :1] * 1e-6))
     assert first.values[0, 0] == pytest.approx(1.0)
     assert other.values[:, 0] == pytest.approx(first.values[:, 0] * [1, -1], abs=1e-9)
 
@@ -45,7 +45,7 @@ def test_slow_signals_are_not_called_significant_by_chance(cutoff: float) -> Non
     """Of unrelated signals one in twenty has a chance under 0.05, however slow."""
     random = np.random.default_rng(int(10 * cutoff))
     results = [
-        correlate(series(noise(random, 4, cutoff)), series(noise(random, 6, cutoff)))
+        correlate(_series(_noise(random, 4, cutoff)), _series(_noise(random, 6, cutoff)))
         for _ in range(60)
     ]
     assert 0.01 < np.mean([result.chance < 0.05 for result in results]) < 0.085
@@ -54,7 +54,7 @@ def test_slow_signals_are_not_called_significant_by_chance(cutoff: float) -> Non
 
 def test_chance_is_that_of_students_t() -> None:
     random = np.random.default_rng(5)
-    result = correlate(series(noise(random, 4, 3.0)), series(noise(random, 3, 3.0)))
+    result = correlate(_series(_noise(random, 4, 3.0)), _series(_noise(random, 3, 3.0)))
     r = result.values
     d = result.freedom
     expected = 2.0 * stats.t.sf(np.abs(r) * np.sqrt((d - 1.0) / (1.0 - r**2)), d - 1.0)
@@ -67,8 +67,8 @@ def test_plain_correlation_would_call_them_significant() -> None:
     That is the result when all frames are taken as independent.
     """
     result = correlate(
-        series(noise(np.random.default_rng(0), 20, 0.3)),
-        series(noise(np.random.default_rng(1), 20, 0.3)),
+        _series(_noise(np.random.default_rng(0), 20, 0.3)),
+        _series(_noise(np.random.default_rng(1), 20, 0.3)),
     )
     naive = np.abs(result.values) * np.sqrt(len(TIME)) > 1.96
     assert naive.mean() > 0.7
@@ -76,10 +76,10 @@ def test_plain_correlation_would_call_them_significant() -> None:
 
 
 def test_flat_and_unknown_columns_have_no_correlation() -> None:
-    x = noise(np.random.default_rng(2), 3, 1.0)
+    x = _noise(np.random.default_rng(2), 3, 1.0)
     x[:, 1] = 4.0
     x[:, 2] = np.nan
-    result = correlate(series(x), series(x[:, :1]))
+    result = correlate(_series(x), _series(x[:, :1]))
     assert np.isnan(result.values[1:, 0]).all()
     assert not result.significant[1:].any()
-    assert correlate(series(x[:5], TIME[:5]), series(x[:5], TIME[:5])).significant.sum() == 0
+    assert correlate(_series(x[:5], TIME[:5]), _series(x[:5], TIME[:5])).significant.sum() == 0

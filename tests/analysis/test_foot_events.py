@@ -14,7 +14,7 @@ X, Y, Z = np.eye(3)
 TIME = np.arange(0.0, 4.0, 0.01)
 
 
-def directed(unevenness: float, size: float) -> tuple[np.ndarray, str]:
+def _directed(unevenness: float, size: float) -> tuple[np.ndarray, str]:
     """Return the direction of feet whose speed is cos + b cos 2, and its note.
 
     The speed has a skewness of (3/4) b / ((1 + b^2) / 2)^1.5.
@@ -34,9 +34,9 @@ def directed(unevenness: float, size: float) -> tuple[np.ndarray, str]:
 def test_even_feet_point_and_uneven_ones_swing_whatever_their_size(size):
     skewness = [0.75 * b / (0.5 * (1.0 + b * b)) ** 1.5 for b in (0.12, 0.3)]
     assert skewness[0] < CLEAR < skewness[1]
-    pointed, why = directed(0.12, size)
+    pointed, why = _directed(0.12, size)
     np.testing.assert_allclose(pointed, -X, atol=1e-9)
     assert "feet point" in why
-    swung, why = directed(0.3, size)
+    swung, why = _directed(0.3, size)
     np.testing.assert_allclose(swung, X, atol=1e-9)
     assert "swing fastest" in why

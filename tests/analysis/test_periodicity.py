@@ -8,7 +8,7 @@ from myomorph.lab.analysis.cycles import PeriodOptions, find_period
 TIME = np.arange(4001) / 100.0
 
 
-def slow_noise(random: np.random.Generator, cutoff: float) -> np.ndarray:
+def _slow_noise(random: np.random.Generator, cutoff: float) -> np.ndarray:
     """Noise below a frequency [Hz] that has forgotten how it began."""
     numerator, denominator = butter(2, cutoff / 50.0)
     return lfilter(numerator, denominator, random.standard_normal(3 * len(TIME)))[-len(TIME) :]
@@ -49,7 +49,7 @@ def test_what_does_not_repeat_is_told_so(cutoff: float) -> None:
     The share that does is below one minus the requested confidence.
     """
     random = np.random.default_rng(int(100 * cutoff))
-    found = [find_period(TIME, slow_noise(random, cutoff)) for _ in range(120)]
+    found = [find_period(TIME, _slow_noise(random, cutoff)) for _ in range(120)]
     assert np.mean([one.periodic for one in found]) <= 0.05
     assert np.mean([one.confidence > 0.95 for one in found]) <= 0.12
 

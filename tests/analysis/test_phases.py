@@ -130,6 +130,12 @@ def test_running_is_no_jump() -> None:
     [np.zeros((5, 1, 3)), np.full((5, 1, 3), np.nan), np.zeros((5, 0, 3)), np.zeros((1, 1, 3))],
 )
 def test_nothing_is_found_where_nothing_presses(forces: np.ndarray) -> None:
+    """Forces that are zero, missing, of no plate or of one frame.
+
+    Parameters
+    ----------
+    forces : (frames, plates, 3) [N]
+    """
     names = tuple(str(i) for i in range(forces.shape[1]))
     wrenches = Wrenches(
         time=np.arange(float(len(forces))),

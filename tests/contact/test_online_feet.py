@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -15,9 +16,25 @@ from myomorph.core.rigid.tree import compile_tree
 from myomorph.live.online_identification import total_wrench
 
 
+class PlateWalk(NamedTuple):
+    """A walk over plates.
+
+    Attributes
+    ----------
+    coordinates : (frames, coordinates) in the model's order [rad or m]
+    wrenches : (frames, plates, 6) moment about the ground's origin and force [N m; N]
+    feet : body on each plate
+    """
+
+    model: Model
+    coordinates: np.ndarray
+    wrenches: np.ndarray
+    feet: tuple[str, ...]
+
+
 @pytest.fixture(scope="module")
-def walk(data: Callable[[str], Path]) -> tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]]:
-    """Model, coordinates and wrenches (frames, plates, 6) of a walk, and the feet on the plates."""
+def walk(data: Callable[[str], Path]) -> PlateWalk:
+    """Return the walk of Rajagopal's example."""
     from myomorph.core.io.formats import read_model
     from myomorph.core.io.loads import read_external_loads
     from myomorph.core.io.sto import motion_from_table, read_sto
@@ -30,10 +47,15 @@ def walk(data: Callable[[str], Path]) -> tuple[Model, np.ndarray, np.ndarray, tu
     each = total_wrench(
         given.forces[:, :, None], given.points[:, :, None], given.torques[:, :, None]
     )
-    return model, compile_tree(model).coordinates_of(motion), each, given.bodies
+    return PlateWalk(
+        model=model,
+        coordinates=compile_tree(model).coordinates_of(motion),
+        wrenches=each,
+        feet=given.bodies,
+    )
 
 
-def followed(
+def _followed(
     feet: OnlineFeet, coordinates: np.ndarray, each: np.ndarray, chunk: int = 10
 ) -> np.ndarray:
     parts = [
@@ -44,12 +66,12 @@ def followed(
 
 
 def test_the_foot_on_each_plate_is_found(
-    walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
+    walk: PlateWalk,
 ) -> None:
     """The forces of the file, given without their bodies, come out on the bodies it names."""
     model, coordinates, each, bodies = walk
     feet = OnlineFeet(model, ("one", "two"), ("", ""))
-    found = followed(feet, coordinates, each)
+    found = _followed(feet, coordinates, each)
     for plate, body in enumerate(bodies):
         loaded = np.linalg.norm(each[:, plate, 3:], axis=1) > 25.0
         assert loaded.mean() > 0.3
@@ -58,7 +80,7 @@ def test_the_foot_on_each_plate_is_found(
 
 
 def test_a_plate_that_both_feet_use_in_turn_changes_its_foot(
-    walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
+    walk: PlateWalk,
 ) -> None:
     model, coordinates, each, bodies = walk
     right = np.linalg.norm(each[:, 0, 3:], axis=1)
@@ -68,7 +90,7 @@ def test_a_plate_that_both_feet_use_in_turn_changes_its_foot(
     one = np.where((right > left)[:, None], each[:, 0], each[:, 1])
     one[np.minimum(right, left) > 0.0] = 0.0
     feet = OnlineFeet(model, ("belt",), ("",))
-    found = followed(feet, coordinates, one[:, None])
+    found = _followed(feet, coordinates, one[:, None])
     for plate, body in enumerate(bodies):
         mine = (np.linalg.norm(one[:, 3:], axis=1) > 25.0) & (one == each[:, plate]).all(axis=1)
         assert mine.sum() > 20
@@ -76,19 +98,19 @@ def test_a_plate_that_both_feet_use_in_turn_changes_its_foot(
 
 
 def test_loads_near_no_foot_act_on_nobody(
-    walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
+    walk: PlateWalk,
 ) -> None:
     model, coordinates, each, _ = walk
     away = each.copy()
     # The same forces three metres to the side.
     away[..., :3] += np.cross([0.0, 0.0, 3.0], each[..., 3:])
     feet = OnlineFeet(model, ("one", "two"), ("", ""))
-    assert not followed(feet, coordinates, away).any()
+    assert not _followed(feet, coordinates, away).any()
     assert (feet.nobody > 100).all()
 
 
 def test_bodies_that_are_named_need_no_search(
-    walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
+    walk: PlateWalk,
 ) -> None:
     model, _, each, _ = walk
     feet = OnlineFeet(model, ("one", "two"), ("hand_r", "hand_r"))
@@ -106,7 +128,7 @@ def test_bodies_that_are_named_need_no_search(
 
 
 def test_a_model_without_feet_is_told(
-    walk: tuple[Model, np.ndarray, np.ndarray, tuple[str, ...]],
+    walk: PlateWalk,
 ) -> None:
     model = walk[0]
     renamed = {name: name.replace("calcn", "stump") for name in model.body_names}

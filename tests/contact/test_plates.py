@@ -32,7 +32,7 @@ ORIGINS = {
 }
 
 
-def a_plate(
+def _a_plate(
     kind: int, rotation: np.ndarray | None = None
 ) -> tuple[PlateRecording, dict[str, np.ndarray]]:
     """Make a plate of any type, tilted and turned.
@@ -52,7 +52,7 @@ def a_plate(
     if kind == 1:
         channels = np.column_stack((force, center[:, :2], torque[:, 2]))
     elif kind == 3:
-        channels = kistler_sensors(
+        channels = _kistler_sensors(
             force, moment - np.cross(force, [0, 0, origin[2]]), origin[0], origin[1]
         )
     else:
@@ -75,7 +75,7 @@ def a_plate(
     }
 
 
-def kistler_sensors(force: np.ndarray, moment: np.ndarray, a: float, b: float) -> np.ndarray:
+def _kistler_sensors(force: np.ndarray, moment: np.ndarray, a: float, b: float) -> np.ndarray:
     """Eight sensor forces with a given resultant; the one vertical freedom is set to zero."""
     vertical = np.array([[1, 1, 1, 1], [b, b, -b, -b], [-a, a, a, -a], [1, -1, 1, -1]])
     z = np.linalg.solve(
@@ -91,7 +91,7 @@ def kistler_sensors(force: np.ndarray, moment: np.ndarray, a: float, b: float) -
 
 @pytest.mark.parametrize("kind", [1, 2, 3, 4])
 def test_known_wrenches_come_back(kind):
-    recording, known = a_plate(kind)
+    recording, known = _a_plate(kind)
     plate = force_plate(recording)
     for name, values in known.items():
         np.testing.assert_allclose(getattr(plate, name), values, rtol=1e-9, atol=1e-9)
@@ -99,7 +99,7 @@ def test_known_wrenches_come_back(kind):
 
 @pytest.mark.parametrize("kind", [2, 3, 4])
 def test_an_origin_written_upside_down_is_mended(kind):
-    recording, known = a_plate(kind)
+    recording, known = _a_plate(kind)
     turned = -recording.origin if kind != 3 else recording.origin * [1, 1, -1]
     np.testing.assert_allclose(
         force_plate(replace(recording, origin=turned)).points, known["points"], atol=1e-9
@@ -108,7 +108,7 @@ def test_an_origin_written_upside_down_is_mended(kind):
 
 def test_the_makers_correction_of_the_center_of_pressure():
     """Shift of x by 1e-6 x^3 + 0.01 x and of y by 1e-8 x^2 y^3, lengths in mm."""
-    recording, known = a_plate(3, rotation=np.diag([1.0, -1, -1]))
+    recording, known = _a_plate(3, rotation=np.diag([1.0, -1, -1]))
     polynomial = [[0, 0, 1e-6, 0, 0, 0.01], [0, 1e-8, 0, 0, 0, 0]]
     plain = force_plate(recording)
     corrected = force_plate(replace(recording, center_polynomial=np.array(polynomial)))
@@ -122,7 +122,7 @@ def test_the_makers_correction_of_the_center_of_pressure():
 
 @pytest.mark.parametrize("kind", [5, 6, 7, 11, 12, 21, 99])
 def test_other_types_are_refused_by_name(kind):
-    recording, _ = a_plate(2)
+    recording, _ = _a_plate(2)
     with pytest.raises(BadData, match=rf"'p' is of C3D type {kind}\b.*type 2"):
         force_plate(replace(recording, kind=kind))
     trial = force_plates(
@@ -209,7 +209,7 @@ def test_type_2_and_type_4_of_one_recording_agree(data):
 
 
 def test_a_turned_laboratory_turns_the_wrenches():
-    recording, _ = a_plate(2)
+    recording, _ = _a_plate(2)
     turn = rotation_from_euler_xyz((0.4, -1.1, 2.0))
     markers = Markers(
         np.arange(2.0),
@@ -239,7 +239,7 @@ def test_loading_is_judged_by_the_plates_own_size(scale):
     push = -700.0 * scale * np.clip(np.sin(2 * np.pi * time), 0, None)
     noise = np.random.default_rng(0).normal(size=(2000, 6)) * scale
     channels = noise + np.column_stack((np.zeros((2000, 2)), push, np.zeros((2000, 3))))
-    recording = replace(a_plate(2)[0], origin=np.zeros(3), channels=channels)
+    recording = replace(_a_plate(2)[0], origin=np.zeros(3), channels=channels)
     plate = force_plates(Trial(plate_recordings=(recording,), plate_time=time)).plates[0]
     loaded = np.isfinite(plate.points).all(axis=1)
     assert loaded[20:480].all()
@@ -249,7 +249,7 @@ def test_loading_is_judged_by_the_plates_own_size(scale):
 def test_a_plate_that_nobody_steps_on_is_unloaded():
     channels = np.random.default_rng(0).normal(size=(2000, 6))
     recordings = tuple(
-        replace(a_plate(2)[0], channels=values) for values in (channels, np.full((2000, 6), 80.0))
+        replace(_a_plate(2)[0], channels=values) for values in (channels, np.full((2000, 6), 80.0))
     )
     trial = force_plates(Trial(plate_recordings=recordings, plate_time=np.arange(2000) / 1000))
     assert all(np.isnan(plate.points).all() for plate in trial.plates)
@@ -271,7 +271,7 @@ def test_an_idle_reading_needs_more_than_ten_samples(idle, named):
     push = np.full(2000, -700.0)
     push[:idle] = -15.0
     recording = replace(
-        a_plate(2)[0], channels=np.column_stack((np.zeros((2000, 2)), push, np.zeros((2000, 3))))
+        _a_plate(2)[0], channels=np.column_stack((np.zeros((2000, 2)), push, np.zeros((2000, 3))))
     )
     found = force_plates(Trial(plate_recordings=(recording,), plate_time=np.arange(2000) / 1000))
     assert np.count_nonzero(np.isnan(found.plates[0].points[:, 0])) == idle
@@ -306,7 +306,7 @@ def test_standing_persons_weigh_what_the_file_says(data):
 
 
 def test_wrenches_on_another_clock_keep_force_and_moment():
-    recording, _ = a_plate(2)
+    recording, _ = _a_plate(2)
     markers = Markers(np.zeros(1), ("m",), np.ones((1, 1, 3)))
     trial = force_plates(
         Trial(markers=markers, plate_recordings=(recording,), plate_time=np.arange(50) / 100)
@@ -331,7 +331,7 @@ def test_wrenches_need_a_plate_and_its_clock():
     with pytest.raises(BadData, match="no force plate"):
         wrenches_from_plates((), np.zeros(0))
     with pytest.raises(BadData, match="50 samples"):
-        wrenches_from_plates((force_plate(a_plate(2)[0]),), np.arange(7.0))
+        wrenches_from_plates((force_plate(_a_plate(2)[0]),), np.arange(7.0))
 
 
 def test_what_an_unloaded_plate_reads_is_a_group_of_its_own():

@@ -53,7 +53,7 @@ def drums():
     return scene, sound, truth, hear_impacts(sound, instruments(scene))
 
 
-def times(sound: Sound, **changes) -> np.ndarray:
+def _times(sound: Sound, **changes) -> np.ndarray:
     return np.array([one.time for one in hear_impacts(sound, [replace(DRUM, **changes)]).impacts])
 
 
@@ -78,7 +78,7 @@ def test_the_time_is_that_of_the_fastest_level_with_half_of_the_largest_excess(
 
 
 def test_clicks_are_heard_to_a_fifth_of_a_millisecond():
-    np.testing.assert_allclose(times(clicks()), CLICKS, atol=2e-4)
+    np.testing.assert_allclose(_times(clicks()), CLICKS, atol=2e-4)
 
 
 @pytest.mark.parametrize("rate", [8_000.0, 22_050.0, 96_000.0])
@@ -90,13 +90,13 @@ def test_the_rate_does_not_matter(rate):
         signal += np.where(
             time >= at, 0.3 * np.exp(-(time - at) / 0.01) * rng.standard_normal(len(time)), 0.0
         )
-    np.testing.assert_allclose(times(Sound(rate, ("1",), signal[:, None])), CLICKS, atol=5e-4)
+    np.testing.assert_allclose(_times(Sound(rate, ("1",), signal[:, None])), CLICKS, atol=5e-4)
 
 
 def test_the_clock_and_the_way_to_the_microphone_are_taken_off():
-    plain = times(clicks())
-    np.testing.assert_allclose(times(replace(clicks(), start=12.5)), plain + 12.5, atol=1e-9)
-    np.testing.assert_allclose(times(clicks(), distance=3.43), plain - 0.01, atol=1e-9)
+    plain = _times(clicks())
+    np.testing.assert_allclose(_times(replace(clicks(), start=12.5)), plain + 12.5, atol=1e-9)
+    np.testing.assert_allclose(_times(clicks(), distance=3.43), plain - 0.01, atol=1e-9)
     warm = hear_impacts(clicks(), [replace(DRUM, distance=3.43)], speed_of_sound(35.0))
     assert warm.impacts[0].time == pytest.approx(plain[0] - 3.43 / 351.9, abs=1e-5)
     assert speed_of_sound(20.0) == pytest.approx(343.2, abs=0.05)

@@ -16,7 +16,7 @@ TIME = 3.0 + np.arange(120) / RATE
 NAMES = {"F": "F?", "COP": "COP?", "M": "M?"}
 
 
-def steps() -> dict[str, np.ndarray]:
+def _steps() -> dict[str, np.ndarray]:
     """Make two plates (frames, 2, 3), z up.
 
     Their values are forces [N], centers of pressure [m], free moments and moments about the origin.
@@ -30,16 +30,16 @@ def steps() -> dict[str, np.ndarray]:
     return {"F": force, "COP": point, "M": free, "about": np.cross(point, force) + free}
 
 
-def columns(*kinds: str, scale: float = 1.0) -> np.ndarray:
+def _columns(*kinds: str, scale: float = 1.0) -> np.ndarray:
     """Columns (frames, ...) of the plates, one after the other."""
-    made = steps()
+    made = _steps()
     each = [
         made[kind][:, plate] * (scale if kind != "F" else 1.0) for plate in (0, 1) for kind in kinds
     ]
     return np.concatenate(each, axis=1)
 
 
-def write(path, values: np.ndarray, heading: str = "", mark: str = ","):
+def _write(path, values: np.ndarray, heading: str = "", mark: str = ","):
     rows = "\n".join(mark.join(f"{value:.9g}" for value in row) for row in values)
     path.write_text(heading + rows + "\n", encoding="utf-8")
     return path
@@ -47,7 +47,7 @@ def write(path, values: np.ndarray, heading: str = "", mark: str = ","):
 
 def test_devices_of_vicon(tmp_path) -> None:
     """Plates over names over units, frames and sub frames, a second section below."""
-    made = steps()
+    made = _steps()
     frames = np.stack([31 + np.arange(120) // 10, np.arange(120) % 10], axis=1)
     parts = [1e3 * made["about"][:, 0], 1e3 * made["COP"][:, 0]]
     groups = (
@@ -58,7 +58,7 @@ def test_devices_of_vicon(tmp_path) -> None:
         f"Devices\n1000\n{groups}Frame,Sub"
         " Frame,Fx,Fy,Fz,Mx,My,Mz,Cx,Cy,Cz\n,,N,N,N,N.mm,N.mm,N.mm,mm,mm,mm\n"
     )
-    path = write(
+    path = _write(
         tmp_path / "x.csv", np.concatenate([frames, made["F"][:, 0], *parts], axis=1), heading
     )
     path.write_text(
@@ -78,9 +78,9 @@ def test_devices_of_vicon(tmp_path) -> None:
 def test_numbers_alone_say_which_column_is_which(
     kinds: tuple[str, ...], scale: float, tmp_path
 ) -> None:
-    values = columns(*kinds, scale=scale)
-    found = read_forces(write(tmp_path / "x.csv", np.column_stack([TIME, values])))
-    made = steps()
+    values = _columns(*kinds, scale=scale)
+    found = read_forces(_write(tmp_path / "x.csv", np.column_stack([TIME, values])))
+    made = _steps()
     np.testing.assert_allclose(found.forces, made["F"], atol=1e-5)
     np.testing.assert_allclose(found.points, made["COP"], atol=1e-8)
     if scale == 1.0 and "M" in kinds:
@@ -89,8 +89,8 @@ def test_numbers_alone_say_which_column_is_which(
 
 
 def test_moments_alone_are_found_too_and_are_about_their_origin(tmp_path) -> None:
-    path = write(tmp_path / "x.txt", np.column_stack([TIME, columns("F", "about")]), mark=" ")
-    made = steps()
+    path = _write(tmp_path / "x.txt", np.column_stack([TIME, _columns("F", "about")]), mark=" ")
+    made = _steps()
     plain = read_forces(path)
     np.testing.assert_allclose(plain.torques, made["about"], atol=1e-5)
     assert sum("no center of pressure" in note for note in plain.notes) == 2
@@ -102,9 +102,9 @@ def test_moments_alone_are_found_too_and_are_about_their_origin(tmp_path) -> Non
 
 
 def test_decimal_commas_and_a_center_of_pressure_in_the_plane(tmp_path) -> None:
-    made = steps()
+    made = _steps()
     values = np.column_stack([TIME, made["F"][:, 0], 1e3 * made["COP"][:, 0, :2]])
-    path = write(tmp_path / "x.csv", values, "t [s];Fx;Fy;Fz;COPx;COPy\n", ";")
+    path = _write(tmp_path / "x.csv", values, "t [s];Fx;Fy;Fz;COPx;COPy\n", ";")
     path.write_text(path.read_text().replace(".", ","))
     found = read_forces(path)
     np.testing.assert_allclose(found.points[:, 0], made["COP"][:, 0], atol=1e-8)
@@ -113,7 +113,7 @@ def test_decimal_commas_and_a_center_of_pressure_in_the_plane(tmp_path) -> None:
 
 
 def test_names_and_a_rate_may_be_stated(tmp_path) -> None:
-    path = write(tmp_path / "x.csv", np.column_stack([np.zeros(120), columns("F", "COP")]))
+    path = _write(tmp_path / "x.csv", np.column_stack([np.zeros(120), _columns("F", "COP")]))
     assert not holds_forces(path)
     with pytest.raises(BadFile, match="--force-columns"):
         read_forces(path)
@@ -121,7 +121,7 @@ def test_names_and_a_rate_may_be_stated(tmp_path) -> None:
     with pytest.raises(BadFile, match="--force-rate"):
         read_forces(path, layout=force_layout(names))
     found = read_forces(path, {"F1": "calcn_r"}, force_layout(names, RATE))
-    np.testing.assert_allclose(found.forces[:, 0], steps()["F"][:, 0], atol=1e-5)
+    np.testing.assert_allclose(found.forces[:, 0], _steps()["F"][:, 0], atol=1e-5)
     np.testing.assert_allclose(found.time, np.arange(120) / RATE)
     assert found.bodies == ("calcn_r",)
     with pytest.raises(BadFile, match="13 columns, and 2 names"):
@@ -133,7 +133,7 @@ def test_what_is_no_table_of_forces_is_none(tmp_path) -> None:
     rng = np.random.default_rng(0)
     for scale in (0.5, 40.0, 900.0):
         waves = scale * np.sin(3.0 * TIME[:, None] + 6.0 * rng.random(12))
-        assert not holds_forces(write(tmp_path / "x.csv", np.column_stack([TIME, waves])))
+        assert not holds_forces(_write(tmp_path / "x.csv", np.column_stack([TIME, waves])))
 
 
 def test_the_table_of_a_lift(data) -> None:

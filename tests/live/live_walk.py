@@ -25,12 +25,29 @@ class Kept:
         self.frames: list[ChainFrame] = []
 
     def put(self, frame: ChainFrame, markers: np.ndarray) -> None:
+        """Keep a frame.
+
+        Parameters
+        ----------
+        frame : of the chain
+        markers : (markers, 3) in ground [m], not kept
+        """
         self.frames.append(frame)
 
     def close(self) -> None:
         pass
 
     def all(self, name: str) -> np.ndarray:
+        """Return a result in all frames.
+
+        Parameters
+        ----------
+        name : of a field of `ChainFrame`
+
+        Returns
+        -------
+        (frames, ...) its values
+        """
         return np.array([getattr(one, name) for one in self.frames])
 
 

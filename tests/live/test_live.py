@@ -61,7 +61,7 @@ def marked(walk: tuple[Model, LiveRecording]) -> tuple[Model, Markers, Wrenches]
     return model, Markers(recording.motion.time, model.marker_names, points), recording.wrenches
 
 
-class Seen:
+class _Seen:
     """A display that remembers."""
 
     def __init__(self) -> None:
@@ -199,7 +199,7 @@ def test_displays_see_the_body_take_color(walk: tuple[Model, LiveRecording]) -> 
     It never shows less than before.
     """
     model, recording = walk
-    seen = Seen()
+    seen = _Seen()
     result = identify_frames(
         model, Replay(recording.motion, recording.wrenches, 4.0), online=OPTIONS, displays=[seen]
     )
@@ -384,7 +384,7 @@ class FakeChannel:
         return FakeChannel(self.labels, self.at + 1)
 
 
-def stream(
+def _stream(
     name: str, rate: float, labels: list[str], time: np.ndarray, rows: np.ndarray
 ) -> SimpleNamespace:
     return SimpleNamespace(
@@ -415,10 +415,10 @@ def laboratory(markers: Markers, wrenches: Wrenches) -> tuple[SimpleNamespace, S
     plates = [f"all_{a}{b}" for a in "FM" for b in "xyz"]
     rows = np.hstack([total[:, 3:], total[:, :3]])
     return (
-        stream(
+        _stream(
             "Cameras", markers.rate, places, markers.time, markers.values.reshape(len(markers), -1)
         ),
-        stream("Plates", Replay(markers, wrenches).force_rate, plates, wrenches.time, rows),
+        _stream("Plates", Replay(markers, wrenches).force_rate, plates, wrenches.time, rows),
     )
 
 

@@ -90,7 +90,7 @@ def test_without_errors_limits_are_the_result(walk: tuple[Model, Markers, Wrench
         )
 
 
-def marker_places(model: Model, names: tuple[str, ...], motion: Motion) -> np.ndarray:
+def _marker_places(model: Model, names: tuple[str, ...], motion: Motion) -> np.ndarray:
     """(frames, markers, 3) of a model's markers in a motion [m]."""
     tree = compile_tree(model)
     marked = [model.marker(name) for name in names]
@@ -117,7 +117,7 @@ def test_misplaced_markers_and_joints_move_angles_as_on_the_whole_recording(
     normals = Normals(DRAWS)
     for number in range(DRAWS):
         drawn = drawn_model(model, Draw(number, sources, normals))
-        shifts = marker_places(model, names, motion) - marker_places(drawn, names, motion)
+        shifts = _marker_places(model, names, motion) - _marker_places(drawn, names, motion)
         errors = np.einsum("fcm,fm->fc", slopes, shifts.reshape(len(shifts), -1))
         each.append(filter.motion(Motion(markers.time, motion.names, errors)).values)
     at = np.searchsorted(markers.time, kept.all("time") - 1e-6)

@@ -39,7 +39,7 @@ def walk(data: Callable[[str], Path]) -> tuple[Model, Markers, Wrenches]:
     return recorded_walk(data)
 
 
-class Slow:
+class _Slow:
     """An output that takes its time."""
 
     def __init__(self, seconds: float, frames: int):
@@ -57,7 +57,7 @@ def test_what_cannot_keep_up_drops_the_oldest_frames(walk: tuple[Model, Markers,
     """At 100 Hz with 30 ms a frame most are dropped, and the order stays."""
     model, markers, wrenches = walk
     source = Replay(markers, wrenches, 1.0)
-    slow = Slow(0.03, 1000)
+    slow = _Slow(0.03, 1000)
     session = follow(LiveChain(model, source), source, [slow])
     assert session.delays.dropped + len(slow.times) == len(markers)
     assert session.delays.dropped > 30

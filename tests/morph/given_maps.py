@@ -18,7 +18,19 @@ from myomorph.core.surfaces.linear_maps import AffineMap, Similarity
 
 
 def given(body: str, matrix: Array, offset: Array, **surfaces: object) -> BoneMap:
-    """Return the affine map of a body."""
+    """Return the affine map of a body.
+
+    Parameters
+    ----------
+    body : name, of source and target
+    matrix : (3, 3) linear part
+    offset : (3,) [m]
+    surfaces : other fields of `BoneMap`
+
+    Returns
+    -------
+    the map, whose similarity has the nearest rotation and the cube root of the determinant
+    """
     size = float(np.cbrt(abs(np.linalg.det(matrix))))
     sign = np.sign(np.linalg.det(matrix))
     whole = Similarity(sign * nearest_rotation(sign * matrix), offset, size)
@@ -48,6 +60,15 @@ def sheared(model: Model, matrix: Array) -> dict[str, BoneMap]:
     """Return the whole body stretched by one matrix as it stands in its default pose.
 
     The frames rotate with it.
+
+    Parameters
+    ----------
+    model : the source
+    matrix : (3, 3) in ground
+
+    Returns
+    -------
+    the map of each body by its name
     """
     found = {}
     for body, pose in standing_poses(model).items():

@@ -27,9 +27,19 @@ def real_bone(name: str, edge: float = 0.006) -> Surface:
 
 
 def deformed(points: np.ndarray, bone: Surface, size: float = 1.0) -> np.ndarray:
-    """Deform points (n, 3) of a bone.
+    """Deform points of a bone.
 
     It grows thicker at one end, and is bent, twisted and swollen on one side.
+
+    Parameters
+    ----------
+    points : (n, 3) [m]
+    bone : that the points belong to
+    size : factor of the deformations
+
+    Returns
+    -------
+    (n, 3) the points after the deformation, in other axes [m]
     """
     middle = bone.vertices.mean(axis=0)
     axes = np.linalg.svd(bone.vertices - middle, full_matrices=False)[2]
@@ -56,7 +66,18 @@ def made_target(bone: Surface, size: float = 1.0) -> Surface:
 
 
 def errors(points: np.ndarray, truth: np.ndarray, target: Surface) -> tuple[float, float]:
-    """Root mean square distance from the surface, and along it from where a point belongs [m]."""
+    """Return the distance of points from a surface, and the distance along it.
+
+    Parameters
+    ----------
+    points : (n, 3) found [m]
+    truth : (n, 3) where they belong [m]
+    target : the surface
+
+    Returns
+    -------
+    root mean squares of the distance from the surface, and along it from where a point belongs [m]
+    """
     shape = Shape(target)
     nearest = shape.nearest(points, fine=True)
     off = np.linalg.norm(points - nearest.points, axis=1)

@@ -43,26 +43,26 @@ def unsure(radius: float, model=None) -> Morph:
     return replace(morph, bones=bones, points=points, joints=joints)
 
 
-def widths(morph: Morph) -> np.ndarray:
+def _widths(morph: Morph) -> np.ndarray:
     (arms,) = with_arm_intervals(morph, check_morph(morph)).arms
     assert arms.within is not None
     return np.asarray(arms.within)
 
 
 def test_points_that_are_known_exactly_make_moment_arms_exact():
-    np.testing.assert_allclose(widths(unsure(0.0)), 0.0, atol=1e-12)
+    np.testing.assert_allclose(_widths(unsure(0.0)), 0.0, atol=1e-12)
 
 
 def test_intervals_grow_with_those_of_the_points():
-    small = widths(unsure(2e-5))
-    large = widths(unsure(2e-4))
+    small = _widths(unsure(2e-5))
+    large = _widths(unsure(2e-4))
     assert small.min() > 0.0
     np.testing.assert_allclose(large, 10.0 * small, rtol=0.05)
 
 
 def test_a_moment_arm_is_about_as_sure_as_its_points():
     radius = 1e-3
-    found = widths(unsure(radius))
+    found = _widths(unsure(radius))
     # Both points beside the knee and its center move by one standard deviation of an axis, more or
     # less together.
     sd = radius / 2.5

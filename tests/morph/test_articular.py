@@ -26,7 +26,7 @@ AXIS = np.array([2.0, 9.0, -4.0]) / np.sqrt(101.0)
 ONES = np.ones(600)
 
 
-def on_sphere(share: float, count: int = 600, seed: int = 0) -> np.ndarray:
+def _on_sphere(share: float, count: int = 600, seed: int = 0) -> np.ndarray:
     """Directions (n, 3) spread over a cap with that share of the sphere."""
     random = np.random.default_rng(seed)
     height = 1.0 - 2.0 * share * random.random(count)
@@ -35,7 +35,7 @@ def on_sphere(share: float, count: int = 600, seed: int = 0) -> np.ndarray:
     return np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
 
 
-def around_axis(turn: float, count: int = 600, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def _around_axis(turn: float, count: int = 600, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """Directions (n, 3) across the axis over a share of the turn, and places along it."""
     random = np.random.default_rng(seed)
     across = np.linalg.svd(AXIS[None])[2][1:]
@@ -44,7 +44,7 @@ def around_axis(turn: float, count: int = 600, seed: int = 0) -> tuple[np.ndarra
     return direction, 0.04 * random.random(count) - 0.02
 
 
-def ball(radius: float, center: np.ndarray, rings: int = 24) -> Surface:
+def _ball(radius: float, center: np.ndarray, rings: int = 24) -> Surface:
     """Make a closed sphere."""
     heights = np.linspace(0, np.pi, rings)
     angles = np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)
@@ -69,7 +69,7 @@ def ball(radius: float, center: np.ndarray, rings: int = 24) -> Surface:
 
 @pytest.mark.parametrize("share", [1.0, 0.4, 0.1])
 def test_a_sphere_is_recovered_exactly(share):
-    direction = on_sphere(share)
+    direction = _on_sphere(share)
     found = fit_sphere(CENTER + 0.023 * direction, direction, ONES)
     np.testing.assert_allclose(found.center, CENTER, atol=1e-9)
     assert found.radius == pytest.approx(0.023, abs=1e-9)
@@ -79,7 +79,7 @@ def test_a_sphere_is_recovered_exactly(share):
 
 def test_spheres_do_not_depend_on_frame_or_size():
     random = np.random.default_rng(3)
-    looks = on_sphere(0.3)
+    looks = _on_sphere(0.3)
     points = 0.02 * looks + 3e-4 * random.normal(size=(600, 3))
     turn = rotation_from_euler_xyz((0.4, -1.0, 2.2))
     shift = np.array([3.0, -5.0, 0.7])
@@ -101,7 +101,7 @@ def test_a_sphere_with_noise_and_wrong_points(share, within):
     """
     for seed in range(10):
         random = np.random.default_rng(seed)
-        direction = on_sphere(share, seed=seed)
+        direction = _on_sphere(share, seed=seed)
         points = CENTER + direction * (0.023 + 3e-4 * random.normal(size=600))[:, None]
         points[::7] += 0.008 * random.normal(size=points[::7].shape)
         looks = direction + 0.15 * random.normal(size=(600, 3))
@@ -121,7 +121,7 @@ def test_how_bent_normals_say_a_surface_is_does_not_depend_on_where_it_is(radii,
 
     The result is the direction of least curvature, or none for a saddle.
     """
-    places = on_sphere(0.6)
+    places = _on_sphere(0.6)
     for shift in (np.zeros(3), np.array([4.0, -7.0, 2.0])):
         assert _bent(places + shift, places / radii, np.ones(len(places))) == pytest.approx(
             bent, abs=1e-6
@@ -133,18 +133,18 @@ def test_how_bent_normals_say_a_surface_is_does_not_depend_on_where_it_is(radii,
 )
 def test_weights_that_are_none_are_refused(weights):
     with pytest.raises(BadData, match="weights that are not negative"):
-        fit_sphere(on_sphere(0.4), on_sphere(0.4), weights)
+        fit_sphere(_on_sphere(0.4), _on_sphere(0.4), weights)
 
 
 def test_a_socket_is_told_from_a_head():
-    direction = on_sphere(0.4)
+    direction = _on_sphere(0.4)
     assert fit_sphere(CENTER + direction, -direction, ONES).hollow
     assert not fit_sphere(CENTER + direction, direction, ONES).hollow
 
 
 @pytest.mark.parametrize("turn", [1.0, 0.5, 0.2])
 def test_a_cylinder_is_recovered_exactly(turn):
-    direction, along = around_axis(turn)
+    direction, along = _around_axis(turn)
     points = CENTER + np.outer(along, AXIS) + 0.02 * direction
     found = fit_cylinder(points, direction, ONES, AXIS + [0.1, 0.0, 0.1])
     assert abs(found.axis @ AXIS) == pytest.approx(1.0, abs=1e-12)
@@ -158,7 +158,7 @@ def test_a_cylinder_is_recovered_exactly(turn):
 def test_a_cylinder_with_noise_and_wrong_points(turn, off):
     for seed in range(50):
         random = np.random.default_rng(seed)
-        direction, along = around_axis(turn, seed=seed)
+        direction, along = _around_axis(turn, seed=seed)
         points = (
             CENTER
             + np.outer(along, AXIS)
@@ -191,9 +191,9 @@ def test_what_determines_nothing_is_refused(axis):
 
 def test_a_head_is_found_from_a_rough_start():
     """A ball on a shaft: the shaft and the neck do not count."""
-    shaft = ball(0.01, np.zeros(3))
+    shaft = _ball(0.01, np.zeros(3))
     shaft = Surface(shaft.vertices * [1.0, 1.0, 20.0] - [0.0, 0.0, 0.22], shaft.faces)
-    head = ball(0.024, np.array([0.01, 0.0, 0.0]))
+    head = _ball(0.024, np.array([0.01, 0.0, 0.0]))
     bone = Surface(
         np.concatenate([shaft.vertices, head.vertices]),
         np.concatenate([shaft.faces, head.faces + len(shaft.vertices)]),
@@ -209,11 +209,11 @@ def test_a_head_is_found_from_a_rough_start():
 
 def test_a_shaft_is_no_sphere():
     """A short stretch of a cylinder lies near a sphere, but bends one way only."""
-    direction, along = around_axis(1.0)
+    direction, along = _around_axis(1.0)
     found = fit_sphere(np.outer(0.4 * along, AXIS) + 0.02 * direction, direction, ONES)
     assert found.rms < 0.05 * found.radius
     assert "as a shaft does" in warning_of(found)
-    assert fit_sphere(0.02 * on_sphere(0.2), on_sphere(0.2), ONES).bent == pytest.approx(1.0)
+    assert fit_sphere(0.02 * _on_sphere(0.2), _on_sphere(0.2), ONES).bent == pytest.approx(1.0)
 
 
 def test_where_nothing_is_round_it_is_said():

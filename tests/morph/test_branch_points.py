@@ -108,7 +108,7 @@ def branched(places: dict[str, tuple[float, float, float]] | None = None) -> Mod
     )
 
 
-def in_mujoco(load: BranchLoad) -> np.ndarray:
+def _in_mujoco(load: BranchLoad) -> np.ndarray:
     """Return where MuJoCo's massless slider comes to rest between tendons of constant tension.
 
     The upper body is straight.
@@ -157,7 +157,7 @@ def test_it_rests_where_mujoco_and_scipy_let_it_rest():
     (place,), (balanced,) = branch_places(model, load)
     assert balanced
     assert np.linalg.norm(place) > 0.005
-    np.testing.assert_allclose(place, in_mujoco(load), atol=2e-8)
+    np.testing.assert_allclose(place, _in_mujoco(load), atol=2e-8)
     offsets = {"upper": np.array([0.0, 0.1, -0.02])}
     starts = np.array(
         [np.array(start) + offsets.get(body, 0.0) - AT for body, start, _, _ in ENDS.values()]
@@ -218,7 +218,7 @@ def test_strands_in_one_line_hold_nothing_across():
         branch_places(model, replace(load, muscles=(*tuple(ENDS)[:3], "tendon")))
 
 
-def bone(body: str, matrix: np.ndarray) -> BoneMap:
+def _bone(body: str, matrix: np.ndarray) -> BoneMap:
     corners = 0.04 * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
     turn = np.linalg.qr(matrix)[0] * np.sign(np.diag(np.linalg.qr(matrix)[1]))
     scale = np.cbrt(np.linalg.det(matrix))
@@ -237,7 +237,7 @@ def test_a_twin_has_it_where_the_bones_put_it():
     """Larger bones, turned frames: the balance is there already."""
     turn = rotation_from_euler_xyz((0.3, -0.8, 0.5))
     model = branched()
-    bones = {name: bone(name, 1.3 * turn) for name in ("lower", "upper")}
+    bones = {name: _bone(name, 1.3 * turn) for name in ("lower", "upper")}
     morph = morph_model(model, bones, surrounding=AROUND)
     measures = morph.bones["link"].measures
     assert measures["moved to balance [m]"] < 1e-9
@@ -255,7 +255,7 @@ def test_in_stretched_bones_the_same_tensions_balance(grafted):
     """
     model = branched()
     wide = np.diag([1.5, 1.0, 0.8])
-    bones = {"lower": bone("lower", wide), "upper": bone("upper", np.diag([1.2, 1.1, 1.0]))}
+    bones = {"lower": _bone("lower", wide), "upper": _bone("upper", np.diag([1.2, 1.1, 1.0]))}
     morphs = []
     for options in (MorphOptions(clear=False), MorphOptions(balance=False, clear=False)):
         if grafted:

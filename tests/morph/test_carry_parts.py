@@ -131,7 +131,7 @@ def test_sizes_of_bodies_without_bones_are_positive_numbers():
 
 
 def test_a_virtual_link_needs_two_bones_that_have_maps():
-    model, bones = hip(femur(1.0, np.zeros(3)), femur(1.2, np.zeros(3)), np.zeros(3))
+    model, bones = _hip(_femur(1.0, np.zeros(3)), _femur(1.2, np.zeros(3)), np.zeros(3))
     ours = {"pelvis": bones["pelvis"]}
     assert bones_around(model, bones, {"femur": ("pelvis", "femur")}) == {
         "femur": ("pelvis", "femur")
@@ -348,7 +348,7 @@ def test_what_the_target_lacks_is_not_looked_for():
     assert not found.lifted.any()
 
 
-def hip(head: Surface, other: Surface, offset: np.ndarray) -> tuple[Model, dict[str, BoneMap]]:
+def _hip(head: Surface, other: Surface, offset: np.ndarray) -> tuple[Model, dict[str, BoneMap]]:
     """Make a ball joint at a femur's head, and a map that misses the target's head by an offset."""
     axes = tuple(
         Axis(kind="rotation", vector=np.eye(3)[i], function=linear(1.0), coordinates=(f"q{i}",))
@@ -390,7 +390,7 @@ def hip(head: Surface, other: Surface, offset: np.ndarray) -> tuple[Model, dict[
     return model, {"femur": bone, "pelvis": given("pelvis", np.eye(3), np.zeros(3))}
 
 
-def femur(size: float, center: np.ndarray) -> Surface:
+def _femur(size: float, center: np.ndarray) -> Surface:
     """Make a head 24 mm in radius next to a shaft."""
     head = trimesh.creation.icosphere(subdivisions=4, radius=0.024)
     shaft = trimesh.creation.cylinder(
@@ -403,7 +403,7 @@ def femur(size: float, center: np.ndarray) -> Surface:
 def test_a_ball_joint_is_centered_in_the_targets_head():
     center = np.array([0.01, 0.02, -0.03])
     missed = np.array([0.003, -0.002, 0.004])
-    model, bones = hip(femur(1.0, np.zeros(3)), femur(1.2, center), center + missed)
+    model, bones = _hip(_femur(1.0, np.zeros(3)), _femur(1.2, center), center + missed)
     joint = morph_model(model, bones).joints[1]
     assert joint.method == "sphere"
     np.testing.assert_allclose(joint.in_child, center, atol=3e-4)
@@ -416,8 +416,8 @@ def test_a_ball_joint_is_centered_in_the_targets_head():
 def test_bones_in_one_frame_take_the_center_of_the_bone_that_holds_it():
     center = np.array([0.0, -0.1, 0.08])
     missed = np.array([0.001, 0.002, -0.001])
-    head = femur(1.0, np.zeros(3))
-    model, bones = hip(head, Surface(head.vertices + center, head.faces), center + missed)
+    head = _femur(1.0, np.zeros(3))
+    model, bones = _hip(head, Surface(head.vertices + center, head.faces), center + missed)
     bones["femur"] = replace(bones["femur"], map=AffineMap(np.eye(3), center + missed))
     joint = morph_model(model, bones, MorphOptions(joints="mapped"), together=True).joints[1]
     assert joint.gap == pytest.approx(np.linalg.norm(missed))
@@ -443,7 +443,7 @@ class Twist:
 
 
 def test_a_hinge_follows_a_twisted_end_and_a_ball_joint_the_whole_bone():
-    model, bones = hip(femur(1.0, np.zeros(3)), femur(1.0, np.zeros(3)), np.zeros(3))
+    model, bones = _hip(_femur(1.0, np.zeros(3)), _femur(1.0, np.zeros(3)), np.zeros(3))
     knee = Transform(np.eye(3), np.array([0.0, -0.4, 0.0]))
     flexion = Axis(
         kind="rotation",
@@ -485,9 +485,9 @@ def test_a_hinge_follows_a_twisted_end_and_a_ball_joint_the_whole_bone():
 
 
 def test_a_joint_away_from_the_sources_head_is_mapped():
-    model, bones = hip(
-        femur(1.0, np.array([0.0, 0.015, 0.0])),
-        femur(1.2, np.array([0.0, 0.018, 0.0])),
+    model, bones = _hip(
+        _femur(1.0, np.array([0.0, 0.015, 0.0])),
+        _femur(1.2, np.array([0.0, 0.018, 0.0])),
         np.zeros(3),
     )
     assert morph_model(model, bones).joints[1].method == "mapped"

@@ -19,7 +19,7 @@ NAMES = ("hum1", "hum2", "hum3")
 DISTANCES = np.linalg.norm(CENTERS[:, None] - CENTERS[None], axis=2)
 
 
-def nearest(balls) -> np.ndarray:
+def _nearest(balls) -> np.ndarray:
     """Centers of balls in the order of CENTERS."""
     found = np.array([one.center for one in balls])
     return found[[int(np.argmin(np.linalg.norm(found - center, axis=1))) for center in CENTERS]]
@@ -88,7 +88,7 @@ def test_balls_that_have_grown_together_with_their_plate_are_found(noise, within
     assert len(surface_parts(surface)) == 1
     found = find_balls(rough)
     assert len(found) == 3
-    np.testing.assert_allclose(nearest(found), CENTERS, atol=within)
+    np.testing.assert_allclose(_nearest(found), CENTERS, atol=within)
 
 
 def test_balls_of_another_size_are_not_markers():

@@ -22,7 +22,7 @@ CHOSEN = np.random.default_rng(4).choice(len(BONE.vertices), 9, replace=False)
 NAMES = tuple("abcdefghi")
 
 
-def pairs(
+def _pairs(
     source: np.ndarray | None = None, target: np.ndarray | None = None, noise: float = 1e-3
 ) -> FeaturePoints:
     ours = BONE.vertices[CHOSEN] if source is None else source
@@ -33,7 +33,7 @@ def pairs(
 
 
 def test_good_landmarks_pass_and_tell_how_the_bones_lie():
-    found, notes = check_landmarks("femur_r", pairs(), BONE, OTHER)
+    found, notes = check_landmarks("femur_r", _pairs(), BONE, OTHER)
     assert notes == []
     assert found is not None
     np.testing.assert_allclose(found.rotation, THERE.rotation, atol=0.03)
@@ -43,44 +43,44 @@ def test_good_landmarks_pass_and_tell_how_the_bones_lie():
 @pytest.mark.parametrize(("factor", "unit"), [(1000.0, "millimeters"), (100.0, "centimeters")])
 @pytest.mark.parametrize("side", ["source", "target"])
 def test_units_of_one_side_are_named(factor, unit, side):
-    grown = {side: factor * getattr(pairs(), side)}
+    grown = {side: factor * getattr(_pairs(), side)}
     with pytest.raises(
         BadData,
         match=f"the {side} landmarks of 'femur_r' fit its bone .* divided by {factor:g}: .* {unit}",
     ):
-        check_landmarks("femur_r", pairs(**grown), BONE, OTHER)
+        check_landmarks("femur_r", _pairs(**grown), BONE, OTHER)
     with pytest.raises(
         BadData, match=f"the target landmarks of 'femur_r' spread over .* as if .*in {unit}"
     ):
-        check_landmarks("femur_r", pairs(**grown))
+        check_landmarks("femur_r", _pairs(**grown))
 
 
 def test_sizes_of_other_species_are_refused():
-    small = pairs(target=0.05 * pairs().target)
+    small = _pairs(target=0.05 * _pairs().target)
     with pytest.raises(BadData, match="spread over"):
         check_landmarks("femur_r", small)
 
 
 def test_two_interchanged_landmarks_are_named():
-    target = pairs().target.copy()
+    target = _pairs().target.copy()
     target[[2, 5]] = target[[5, 2]]
     with pytest.raises(BadData, match=r"2 of 9 interchanged .*'c' where 'f' is, 'f' where 'c' is"):
-        check_landmarks("femur_r", pairs(target=target), BONE, OTHER)
+        check_landmarks("femur_r", _pairs(target=target), BONE, OTHER)
 
 
 def test_a_table_in_another_order_is_named():
     with pytest.raises(BadData, match="in another order on the target: with 9 of 9 interchanged"):
-        check_landmarks("femur_r", pairs(target=np.roll(pairs().target, 1, axis=0)), BONE, OTHER)
+        check_landmarks("femur_r", _pairs(target=np.roll(_pairs().target, 1, axis=0)), BONE, OTHER)
 
 
 def test_landmarks_of_the_other_side_are_named():
-    source = pairs().source * [1.0, 1.0, -1.0]
+    source = _pairs().source * [1.0, 1.0, -1.0]
     with pytest.raises(BadData, match="when mirrored: are they of the other side"):
-        check_landmarks("femur_r", pairs(source=source))
+        check_landmarks("femur_r", _pairs(source=source))
 
 
 def test_landmarks_in_another_frame_or_of_another_bone_are_named():
-    away = pairs(target=pairs().target + [0.0, 0.4, 0.0])
+    away = _pairs(target=_pairs().target + [0.0, 0.4, 0.0])
     with pytest.raises(
         BadData,
         match=r"the target landmarks of 'femur_r' lie .* another frame than the target's surface",
@@ -88,13 +88,13 @@ def test_landmarks_in_another_frame_or_of_another_bone_are_named():
         check_landmarks("femur_r", away, BONE, OTHER)
     box = np.random.default_rng(1).uniform(-1, 1, (9, 3)) * 0.05
     with pytest.raises(BadData, match=r"do not fit: .* of another bone"):
-        check_landmarks("femur_r", pairs(target=box))
+        check_landmarks("femur_r", _pairs(target=box))
 
 
 def test_a_wrong_pick_and_one_off_the_bone_are_notes():
-    target = pairs().target.copy()
+    target = _pairs().target.copy()
     target[3] += [0.0, 0.0, 0.08]
-    _, notes = check_landmarks("femur_r", pairs(target=target), BONE, OTHER)
+    _, notes = check_landmarks("femur_r", _pairs(target=target), BONE, OTHER)
     assert any("picked point 'd' lies" in note for note in notes)
     assert any(
         "target landmarks of 'femur_r' lie up to" in note and "'d'" in note for note in notes
@@ -102,7 +102,7 @@ def test_a_wrong_pick_and_one_off_the_bone_are_notes():
 
 
 def test_few_landmarks_say_little():
-    full = pairs()
+    full = _pairs()
     two = FeaturePoints(NAMES[:2], full.source[:2], full.target[:2])
     assert check_landmarks("femur_r", two)[0] is None
     line = FeaturePoints(

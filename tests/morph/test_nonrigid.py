@@ -29,7 +29,7 @@ def placed(bone: Surface, size: float = 1.0) -> PlacedBone:
     return PlacedBone(procrustes(bone.vertices, deformed(bone.vertices, bone, size), scale=True))
 
 
-def rms(points: np.ndarray) -> float:
+def _rms(points: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.sum(points**2, axis=1))))
 
 
@@ -43,13 +43,13 @@ def test_a_known_deformation_is_found(name, slid):
     found = match_surfaces(bone, target, None, QUICK, placed(bone))
     off, along = errors(found.points, truth, target)
     affine = np.column_stack([bone.vertices, np.ones(len(bone.vertices))])
-    left = rms(affine @ np.linalg.lstsq(affine, truth, rcond=None)[0] - truth)
+    left = _rms(affine @ np.linalg.lstsq(affine, truth, rcond=None)[0] - truth)
     assert off < 1e-9
     assert along < slid
     assert along < 0.5 * left
     assert found.quality.coverage > 0.99
     assert found.quality.inverted < 0.002
-    assert rms(deformed(found.pairs.source, bone) - found.pairs.target) < 2.0 * slid
+    assert _rms(deformed(found.pairs.source, bone) - found.pairs.target) < 2.0 * slid
 
 
 def test_a_similar_bone_is_found_to_a_tenth_of_a_millimeter_from_its_shape_alone():
@@ -78,7 +78,7 @@ def test_both_frames_and_both_sizes_do_not_matter():
     )
     moved = Surface(turn.apply(target.vertices), target.faces)
     again = turn.inverse().apply(match_surfaces(bone, moved, None, QUICK, after).points)
-    assert rms(again - plain) < 5e-5
+    assert _rms(again - plain) < 5e-5
     size = 0.033
     small = Surface(size * target.vertices, target.faces)
     begin = PlacedBone(
@@ -88,7 +88,7 @@ def test_both_frames_and_both_sizes_do_not_matter():
             size * begin.similarity.scale,
         )
     )
-    assert rms(match_surfaces(bone, small, None, QUICK, begin).points / size - plain) < 5e-5
+    assert _rms(match_surfaces(bone, small, None, QUICK, begin).points / size - plain) < 5e-5
 
 
 def test_landmarks_pull():
@@ -102,7 +102,7 @@ def test_landmarks_pull():
     near = match_surfaces(
         bone, target, marks, replace(QUICK, landmark_error=0.002), placed(bone, 0.5)
     ).points[corners]
-    assert rms(near - marks.target) < rms(free - marks.target) - 0.001
+    assert _rms(near - marks.target) < _rms(free - marks.target) - 0.001
 
 
 def test_a_bone_that_is_cut_off_is_matched_where_it_is():
@@ -115,7 +115,7 @@ def test_a_bone_that_is_cut_off_is_matched_where_it_is():
     part = Surface(whole.vertices[used], faces.reshape(-1, 3))
     found = match_surfaces(bone, part, None, QUICK, placed(bone, 0.5))
     truth = deformed(found.pairs.source, bone, 0.5)
-    assert rms(found.pairs.target - truth) < 0.003
+    assert _rms(found.pairs.target - truth) < 0.003
     assert 0.4 < len(found.pairs) / QUICK.match_points < 0.95
     assert (truth @ long).min() > np.quantile(along, 0.3) - 0.01
 
@@ -172,4 +172,6 @@ def test_a_match_is_nearer_than_a_similarity_between_persons_of_the_shape_model(
     target = Surface(shapes.nodes[target], shapes.faces)
     begin = procrustes(source.vertices, target.vertices, scale=True)
     found = match_surfaces(source, target, None, QUICK, PlacedBone(begin))
-    assert rms(found.points - target.vertices) < rms(begin.apply(source.vertices) - target.vertices)
+    assert _rms(found.points - target.vertices) < _rms(
+        begin.apply(source.vertices) - target.vertices
+    )

@@ -73,7 +73,7 @@ def bone(length: float = 0.4) -> Surface:
     return Surface(vertices, np.array(faces))
 
 
-def limb(names: tuple[str, str, str], axes: np.ndarray, size: float, muscles: bool) -> Model:
+def _limb(names: tuple[str, str, str], axes: np.ndarray, size: float, muscles: bool) -> Model:
     """Two bones that hang from each other."""
     bodies = tuple(
         Body(name=name, mass=size**3, mass_center=np.zeros(3), inertia=1e-3 * size**5 * np.eye(3))
@@ -151,9 +151,9 @@ def both() -> tuple[Model, dict[str, Surface], Model, dict[str, Surface]]:
     shape = bone()
     small = Surface(SMALL * shape.vertices @ TURN.T, shape.faces)
     return (
-        limb(("thigh", "shank", "man"), np.eye(3), 1.0, True),
+        _limb(("thigh", "shank", "man"), np.eye(3), 1.0, True),
         {"thigh": shape, "shank": shape},
-        limb(("upper", "leg", "mouse"), TURN, SMALL, False),
+        _limb(("upper", "leg", "mouse"), TURN, SMALL, False),
         {"upper": small, "leg": small},
     )
 

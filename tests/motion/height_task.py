@@ -97,6 +97,18 @@ class HeightTask(Task):
     def together(
         cls, tasks: Sequence[Self], tree: Tree, targets: NDArray[np.float64]
     ) -> HeightArrays:
+        """Collect tasks into the arrays of their kernel.
+
+        Parameters
+        ----------
+        tasks : of this kind
+        tree : of the model
+        targets : (frames, ...) of the problem, for the number of frames
+
+        Returns
+        -------
+        HeightArrays, empty where there is no task
+        """
         heights = [
             per_frame(task.heights, len(targets), f"heights of a point of '{task.body}'")
             for task in tasks

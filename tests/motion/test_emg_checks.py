@@ -24,14 +24,14 @@ RATE = 2000.0
 TIME = np.arange(6000) / RATE
 
 
-def muscle(seed: int = 0) -> np.ndarray:
+def _muscle(seed: int = 0) -> np.ndarray:
     """Noise of the band of surface EMG that swells and fades, 16 bits."""
     noise = np.random.default_rng(seed).standard_normal(len(TIME))
     band = sosfilt(butter(2, (40.0, 200.0), "bandpass", fs=RATE, output="sos"), noise)
     return np.round(3000.0 * band * (0.55 - 0.45 * np.cos(2 * np.pi * TIME)))
 
 
-def kinds(raw: np.ndarray, rate: float = RATE) -> dict[str, tuple[float, float]]:
+def _kinds(raw: np.ndarray, rate: float = RATE) -> dict[str, tuple[float, float]]:
     """Faults of one raw channel, by kind."""
     found = raw_faults(Series(np.arange(len(raw)) / rate, ("a",), raw[:, None]))
     assert all("'a'" in one.text for one in found)
@@ -39,7 +39,7 @@ def kinds(raw: np.ndarray, rate: float = RATE) -> dict[str, tuple[float, float]]
 
 
 def test_a_sound_channel_has_no_faults():
-    assert kinds(muscle()) == {}
+    assert _kinds(_muscle()) == {}
 
 
 def test_what_is_wrong_with_published_envelopes_is_named(data):
@@ -57,16 +57,16 @@ def test_what_is_wrong_with_published_envelopes_is_named(data):
 
 
 def test_a_dead_stretch_is_named_with_its_times():
-    raw = muscle()
+    raw = _muscle()
     raw[2000:3000] = raw[2000]
-    start, stop = kinds(raw)["dead"]
+    start, stop = _kinds(raw)["dead"]
     assert (start, stop) == pytest.approx((1.0, 1.4995), abs=1e-3)
     assert "throughout" in raw_faults(Series(TIME, ("a",), np.full((len(TIME), 1), 3.0)))[0].text
 
 
 def test_a_clipped_channel_is_named():
-    raw = muscle()
-    assert "clipped" in kinds(np.clip(raw, -0.3 * raw.max(), 0.3 * raw.max()))
+    raw = _muscle()
+    assert "clipped" in _kinds(np.clip(raw, -0.3 * raw.max(), 0.3 * raw.max()))
 
 
 def test_an_envelope_that_was_cut_is_named_stretch_by_stretch():
@@ -83,31 +83,31 @@ def test_an_envelope_that_was_cut_is_named_stretch_by_stretch():
 
 
 def test_what_is_only_rectified_or_has_an_offset_is_no_envelope():
-    made = envelopes(Series(TIME, ("a",), muscle()[:, None]))
+    made = envelopes(Series(TIME, ("a",), _muscle()[:, None]))
     assert not {one.kind for one in envelope_faults(made)} & {"fast"}
-    for column in (np.abs(muscle()), muscle() + 1e4):
+    for column in (np.abs(_muscle()), _muscle() + 1e4):
         faults = envelope_faults(Emg(TIME, ("a",), column[:, None] / column.max()))
         assert "fast" in {one.kind for one in faults}
 
 
 def test_a_wrong_rate_shows_in_the_spectrum():
-    assert "rate" in kinds(muscle(), rate=10_000.0)
-    assert "rate" in kinds(muscle(), rate=200.0)
-    assert "rate" in kinds(envelopes(Series(TIME, ("a",), muscle()[:, None])).values[:, 0])
+    assert "rate" in _kinds(_muscle(), rate=10_000.0)
+    assert "rate" in _kinds(_muscle(), rate=200.0)
+    assert "rate" in _kinds(envelopes(Series(TIME, ("a",), _muscle()[:, None])).values[:, 0])
 
 
 def test_a_wrong_rate_shows_in_the_length():
     motion = np.linspace(0.0, 3.0, 301)
     assert "probably 2000 Hz" in rate_against(
-        Series(np.arange(6000) / 1000.0, ("a",), muscle()[:, None]), motion
+        Series(np.arange(6000) / 1000.0, ("a",), _muscle()[:, None]), motion
     )
-    assert rate_against(Series(TIME, ("a",), muscle()[:, None]), motion) == ""
+    assert rate_against(Series(TIME, ("a",), _muscle()[:, None]), motion) == ""
 
 
 def test_unknown_samples_are_named():
-    raw = muscle()
+    raw = _muscle()
     raw[:3000] = np.nan
-    assert kinds(raw)["unknown"] == pytest.approx((0.0, 1.4995))
+    assert _kinds(raw)["unknown"] == pytest.approx((0.0, 1.4995))
     assert (
         "no known value"
         in raw_faults(Series(TIME, ("a",), np.full((len(TIME), 1), np.nan)))[0].text
@@ -136,7 +136,7 @@ def test_negative_large_and_dead_envelopes_are_named_and_taken_out():
 
 
 def test_emg_that_does_not_overlap_or_is_unknown_is_refused():
-    emg = Emg(TIME, ("a",), np.abs(muscle()[:, None]))
+    emg = Emg(TIME, ("a",), np.abs(_muscle()[:, None]))
     with pytest.raises(BadData, match=r"EMG runs from 0 to 2\.9995 s, the motion from 10 to 12 s"):
         refuse_unfit(emg, np.array([10.0, 12.0]))
     with pytest.raises(BadData, match="no EMG channel has a known value: looked at 'a'"):
@@ -144,7 +144,7 @@ def test_emg_that_does_not_overlap_or_is_unknown_is_refused():
 
 
 def test_a_notch_takes_out_the_mains_and_little_else():
-    raw = muscle()
+    raw = _muscle()
     hum = 2000.0 * np.sin(2 * np.pi * 50.0 * TIME) + 1000.0 * np.sin(2 * np.pi * 150.0 * TIME)
     pure = Series(TIME, ("a",), raw[:, None])
     humming = Series(TIME, ("a",), (raw + hum)[:, None])
@@ -156,8 +156,8 @@ def test_a_notch_takes_out_the_mains_and_little_else():
 
 
 def test_references_scale_envelopes():
-    raw = Series(TIME, ("a",), muscle()[:, None])
-    strong = Series(TIME, ("a",), 4.0 * muscle()[:, None])
+    raw = Series(TIME, ("a",), _muscle()[:, None])
+    strong = Series(TIME, ("a",), 4.0 * _muscle()[:, None])
     found = envelopes(raw, maxima=largest([strong, raw]))
     np.testing.assert_allclose(4.0 * found.values, envelopes(raw).values, rtol=1e-9)
     with pytest.raises(UnknownName, match="'a'"):
@@ -191,7 +191,7 @@ def test_a_muscle_that_does_not_exist_is_named_with_its_channel():
 
 def test_a_channel_of_noise_among_muscles_is_named():
     rng = np.random.default_rng(7)
-    raw = np.column_stack([muscle(1), 300.0 * rng.standard_normal(len(TIME)), muscle(2)])
+    raw = np.column_stack([_muscle(1), 300.0 * rng.standard_normal(len(TIME)), _muscle(2)])
     emg = envelopes(Series(TIME, ("a", "noise", "b"), raw))
     (fault,) = noise_faults(emg)
     assert (fault.channel, fault.kind) == ("noise", "noise")

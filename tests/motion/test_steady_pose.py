@@ -27,7 +27,7 @@ def walk(data: Callable[[str], Path]) -> tuple[Model, Markers]:
     return model, Markers(markers.time[FRAMES], markers.names, markers.values[FRAMES])
 
 
-def followed(
+def _followed(
     model: Model, markers: Markers, hidden: tuple[str, ...] = (), frames: slice = HIDDEN
 ) -> np.ndarray:
     """Return (frames, coordinates) with some markers hidden in some frames.
@@ -53,7 +53,7 @@ def left(frames: int) -> float:
     return float((1.0 + x) * np.exp(-x))
 
 
-def steps(values: np.ndarray) -> np.ndarray:
+def _steps(values: np.ndarray) -> np.ndarray:
     """(frames - 2, coordinates) second differences: a jump shows, a steady motion does not."""
     return np.abs(np.diff(values, 2, axis=0))
 
@@ -61,7 +61,7 @@ def steps(values: np.ndarray) -> np.ndarray:
 def test_with_all_markers_it_is_inverse_kinematics(walk: tuple[Model, Markers]) -> None:
     model, markers = walk
     batch = inverse_kinematics(model, markers).motion.values
-    np.testing.assert_allclose(followed(model, markers, (), slice(0, 0)), batch, atol=3e-5)
+    np.testing.assert_allclose(_followed(model, markers, (), slice(0, 0)), batch, atol=3e-5)
 
 
 @pytest.mark.parametrize("hidden", [("R.Knee",), ("R.SH1", "R.SH2", "R.Ankle"), ("R.ASIS", "S2")])
@@ -73,8 +73,8 @@ def test_markers_that_come_and_go_make_no_jump(
     It agrees with the result when nothing is hidden to 0.3 degrees.
     """
     model, markers = walk
-    free = followed(model, markers, (), slice(0, 0))
-    found = followed(model, markers, hidden)
+    free = _followed(model, markers, (), slice(0, 0))
+    found = _followed(model, markers, hidden)
     plain = OnlineKinematics(model, markers.names)
     positions = np.array(markers.values)
     positions[HIDDEN, [[markers.names.index(name)] for name in hidden]] = np.nan
@@ -83,15 +83,15 @@ def test_markers_that_come_and_go_make_no_jump(
     )
     for event in (HIDDEN.start, HIDDEN.stop):
         at = event - 2
-        excess = steps(found)[at] - steps(free)[at]
+        excess = _steps(found)[at] - _steps(free)[at]
         assert excess.max() < np.deg2rad(0.3)
-        assert excess.max() < 0.5 * (steps(jumping)[at] - steps(free)[at]).max()
+        assert excess.max() < 0.5 * (_steps(jumping)[at] - _steps(free)[at]).max()
 
 
 def test_after_the_blend_it_is_as_if_nothing_had_been_hidden(walk: tuple[Model, Markers]) -> None:
     model, markers = walk
-    free = followed(model, markers, (), slice(0, 0))
-    found = followed(model, markers, ("R.Knee", "R.SH1", "R.ASIS"), slice(10, 25))
+    free = _followed(model, markers, (), slice(0, 0))
+    found = _followed(model, markers, ("R.Knee", "R.SH1", "R.ASIS"), slice(10, 25))
     away = np.abs(found - free).max(axis=1)
     assert away[15] > 1e-3
     assert away[-1] < 2.0 * left(len(free) - 1 - 25) * away.max() + 1e-5
@@ -110,7 +110,7 @@ def test_what_no_marker_shows_keeps_its_value(walk: tuple[Model, Markers]) -> No
         if bodies.get(name) in ("ulna_r", "radius_r", "hand_r") or name == "R.Elbow"
     )
     assert len(lost) >= 2
-    found = followed(model, markers, lost)
+    found = _followed(model, markers, lost)
     elbow = model.coordinate_names.index("elbow_flex_r")
     hip = model.coordinate_names.index("hip_flexion_r")
     # Once the jump is given back, nothing moves it.
@@ -123,8 +123,8 @@ def test_without_any_marker_the_body_is_held_and_found_again_without_a_jump(
     walk: tuple[Model, Markers],
 ) -> None:
     model, markers = walk
-    free = followed(model, markers, (), slice(0, 0))
-    found = followed(model, markers)
+    free = _followed(model, markers, (), slice(0, 0))
+    found = _followed(model, markers)
     held = found[HIDDEN.start - 1]
     np.testing.assert_array_equal(found[HIDDEN], np.tile(held, (HIDDEN.stop - HIDDEN.start, 1)))
     np.testing.assert_allclose(found[HIDDEN.stop], held, atol=1e-9)
@@ -143,12 +143,12 @@ def test_a_marker_that_flickers_moves_the_body_by_less_than_the_marker_does(
 ) -> None:
     """Hidden in every second frame: the pose stays between those with and without the marker."""
     model, markers = walk
-    free = followed(model, markers, (), slice(0, 0))
-    without = followed(model, markers, ("R.Knee",), slice(0, None))
-    flickering = followed(model, markers, ("R.Knee",), slice(20, None, 2))
+    free = _followed(model, markers, (), slice(0, 0))
+    without = _followed(model, markers, ("R.Knee",), slice(0, None))
+    flickering = _followed(model, markers, ("R.Knee",), slice(20, None, 2))
     apart = np.abs(without - free).max()
     assert np.abs(flickering - free).max() < 1.5 * apart
-    assert np.abs(steps(flickering) - steps(free)).max() < 0.3 * apart
+    assert np.abs(_steps(flickering) - _steps(free)).max() < 0.3 * apart
 
 
 def test_before_any_marker_nothing_is_known(walk: tuple[Model, Markers]) -> None:

@@ -199,7 +199,7 @@ def arm(reach: float = np.pi) -> Model:
     )
 
 
-def through_the_side() -> np.ndarray:
+def _through_the_side() -> np.ndarray:
     """(80, 3) angles that pass near an adduction of a right angle, where both branches meet."""
     phase = np.linspace(0.0, 2.0 * np.pi, 80)
     return np.column_stack([0.4 * np.sin(phase), 1.45 * np.sin(0.5 * phase), 0.3 * np.cos(phase)])
@@ -215,14 +215,14 @@ def problem_of(model: Model, frames: int):
     return tree, pose_problem(tree, *tracked_markers(model, markers, options), options)
 
 
-def branched(model: Model, values: np.ndarray) -> np.ndarray:
+def _branched(model: Model, values: np.ndarray) -> np.ndarray:
     """Return the motion with intervals on the other branch, put back."""
     return of_one_branch(*problem_of(model, len(values)), values)
 
 
 def test_stretches_on_the_other_branch_come_back_to_the_one_of_the_first_frame():
     model = arm(2.0 * np.pi)
-    true = through_the_side()
+    true = _through_the_side()
     given = true.copy()
     for part in (slice(16, 32), slice(48, 64)):
         given[part] = [other_branch(one) for one in true[part]]
@@ -232,20 +232,20 @@ def test_stretches_on_the_other_branch_come_back_to_the_one_of_the_first_frame()
     ]
     np.testing.assert_allclose(*rotations, atol=1e-12)
     seen = np.isfinite(given).all(axis=1)
-    np.testing.assert_allclose(branched(model, given)[seen], true[seen], atol=1e-12)
-    np.testing.assert_array_equal(branched(model, true), true)
+    np.testing.assert_allclose(_branched(model, given)[seen], true[seen], atol=1e-12)
+    np.testing.assert_array_equal(_branched(model, true), true)
 
 
 def test_angles_that_would_leave_their_bounds_stay():
-    given = through_the_side()
+    given = _through_the_side()
     given[20:] = [other_branch(one) for one in given[20:]]
     given[20:] -= 2.0 * np.pi * np.round(given[20:] / (2.0 * np.pi))
-    np.testing.assert_array_equal(branched(arm(0.35), given), given)
+    np.testing.assert_array_equal(_branched(arm(0.35), given), given)
 
 
 def test_inverse_kinematics_that_begins_a_stretch_on_the_other_branch_does_not_jump(monkeypatch):
     model = arm()
-    true = through_the_side()
+    true = _through_the_side()
     motion = Motion(np.arange(80) * 0.01, NAMES, true)
     poses = forward_kinematics(compile_tree(model), true)
     places = poses.points(np.ones(4, int), np.array([one.location for one in model.markers]))
@@ -294,13 +294,13 @@ def test_stretches_on_the_other_branch_come_back_where_axes_are_not_perpendicula
     joint = replace(
         model.joints[0], axes=(model.joints[0].axes[0], tilted, model.joints[0].axes[2])
     )
-    true = 0.3 * through_the_side()
+    true = 0.3 * _through_the_side()
     turned = true.copy()
     turned[20:50] = [
         other_angles(angles, np.array([axis.vector for axis in joint.axes]))
         for angles in true[20:50]
     ]
-    np.testing.assert_allclose(branched(replace(model, joints=(joint,)), turned), true, atol=1e-9)
+    np.testing.assert_allclose(_branched(replace(model, joints=(joint,)), turned), true, atol=1e-9)
 
 
 def free(model: Model) -> Model:
@@ -328,13 +328,13 @@ def test_angles_go_on_on_the_nearest_turn_after_a_gap_and_stay_within_bounds():
 
 def test_a_whole_turn_and_another_branch_at_once_come_back():
     model = free(arm())
-    given = through_the_side()[:20]
+    given = _through_the_side()[:20]
     turned = given.copy()
     turned[8:12, 2] -= 2.0 * np.pi
     turned[12:16] = [other_branch(one) for one in given[12:16]] + 2.0 * np.pi * np.array(
         [1.0, 0.0, -1.0]
     )
-    np.testing.assert_allclose(branched(model, turned), given, atol=1e-12)
+    np.testing.assert_allclose(_branched(model, turned), given, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(4))

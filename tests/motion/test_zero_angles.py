@@ -127,7 +127,7 @@ def test_uneven_recordings_have_no_row():
     assert "tibia_r_r0 - tibia_l_r0" not in symmetric_posture(tree, free, [uneven], 0.07).names
 
 
-def shared(model: Model, markers: Markers) -> tuple[SharedProblem, np.ndarray, np.ndarray]:
+def _shared(model: Model, markers: Markers) -> tuple[SharedProblem, np.ndarray, np.ndarray]:
     """Return the problem of these frames, its unknowns on the model, and the frames' angles."""
     lengths = lengths_of(model)
     names = model.marker_names
@@ -157,7 +157,7 @@ def test_slopes_of_mean_angles_are_differences():
     model = stick_figure()
     lengths = lengths_of(model)
     names = model.marker_names
-    problem, x, angles = shared(model, walk(model, frames=8))
+    problem, x, angles = _shared(model, walk(model, frames=8))
     rng = np.random.default_rng(2)
     way = np.concatenate(
         [0.01 * rng.normal(size=len(lengths)), 1e-3 * rng.normal(size=3 * len(names)), [0.0]]
@@ -177,7 +177,7 @@ def test_sliding_skin_adds_the_spread_of_its_gradients():
     """
     model = stick_figure()
     markers = walk(model, frames=1, noise=0.0)
-    problem, x, angles = shared(model, markers)
+    problem, x, angles = _shared(model, markers)
     at = settle(problem, x, [angles], 1e-4)
     shift = 1e-4
     turn = 1e-3

@@ -18,7 +18,7 @@ from myomorph.core.rigid.kernels import kernel
 CLASSES = ("DeGrooteFregly2016Muscle", "Millard2012EquilibriumMuscle", "Thelen2003Muscle")
 
 
-def factors_of(kind: str, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+def _factors_of(kind: str, x: np.ndarray, v: np.ndarray) -> np.ndarray:
     """(values, 3) f_L, f_PE and f_V of a class."""
     muscle = model(kind).muscles[0]
     curves = muscle_model(muscle).curves(muscle)
@@ -117,7 +117,7 @@ def test_what_fibers_pull_with_is_what_their_curves_say(kind):
     # its own.
     v = np.where(np.abs(v / kappa) < 0.02, 0.02 * kappa, v)
     x = np.where(np.abs(x - 1.0) < ROUNDED_LENGTH, 1.0 + ROUNDED_LENGTH, x)
-    factors = factors_of(kind, x, v / kappa)
+    factors = _factors_of(kind, x, v / kappa)
     out = np.empty((200, 10))
     _pulls(E, x * E.hill.fiber[0], v * E.hill.speed[0], a, out)
     expected = a * factors[:, 0] * factors[:, 2] + factors[:, 1] + E.damping[0] * v
@@ -129,7 +129,7 @@ def test_what_fibers_pull_with_is_what_their_curves_say(kind):
 def test_where_thelens_passive_force_sets_in_it_is_rounded_by_a_thousandth():
     E = arrays("Thelen2003Muscle")
     x = np.linspace(1.0 - 1.5 * ROUNDED_LENGTH, 1.0 + 1.5 * ROUNDED_LENGTH, 300)
-    factors = factors_of("Thelen2003Muscle", x, np.full(300, 0.1))
+    factors = _factors_of("Thelen2003Muscle", x, np.full(300, 0.1))
     out = np.empty((300, 10))
     _pulls(E, x * E.hill.fiber[0], np.full(300, 0.1 * E.hill.speed[0]), np.ones(300), out)
     left = out[:, 0] - factors[:, 0] * factors[:, 2] - factors[:, 1] - TONE - FLOOR

@@ -44,7 +44,7 @@ PASSIVE = [
 ]
 
 
-def values(function) -> np.ndarray:
+def _values(function) -> np.ndarray:
     return np.array([function.calcValue(float(x)) for x in X])
 
 
@@ -53,7 +53,7 @@ def test_active_force_length_is_opensims(parameters):
     opensim = pytest.importorskip("opensim")
     theirs = opensim.ActiveForceLengthCurve(*parameters)
     np.testing.assert_allclose(
-        active_force_length(*parameters)(X), values(theirs), rtol=0, atol=1e-10
+        active_force_length(*parameters)(X), _values(theirs), rtol=0, atol=1e-10
     )
 
 
@@ -61,7 +61,7 @@ def test_active_force_length_is_opensims(parameters):
 def test_force_velocity_is_opensims(parameters):
     opensim = pytest.importorskip("opensim")
     theirs = opensim.ForceVelocityCurve(*parameters)
-    np.testing.assert_allclose(force_velocity(*parameters)(X), values(theirs), rtol=0, atol=1e-10)
+    np.testing.assert_allclose(force_velocity(*parameters)(X), _values(theirs), rtol=0, atol=1e-10)
 
 
 @pytest.mark.parametrize("parameters", PASSIVE)
@@ -69,7 +69,7 @@ def test_passive_force_length_is_opensims(parameters):
     opensim = pytest.importorskip("opensim")
     theirs = opensim.FiberForceLengthCurve(*parameters)
     np.testing.assert_allclose(
-        passive_force_length(*parameters)(X), values(theirs), rtol=1e-10, atol=1e-10
+        passive_force_length(*parameters)(X), _values(theirs), rtol=1e-10, atol=1e-10
     )
 
 
@@ -91,7 +91,7 @@ def test_curves_are_continuous_with_their_slopes():
         assert np.abs(np.diff(slope)).max() < 5e-3
 
 
-def slopes_agree(curve: Curve, x: np.ndarray, h: float = 1e-5) -> None:
+def _slopes_agree(curve: Curve, x: np.ndarray, h: float = 1e-5) -> None:
     """Compare values, slopes and curvatures with central differences.
 
     Only where no piece or line begins nearby.
@@ -122,13 +122,13 @@ def test_derivatives_of_every_class_are_those_of_finite_differences(kind):
     x = np.linspace(0.3, 1.9, 331)
     v = np.linspace(-1.3, 1.3, 331)
     for curves in (model.curves(muscle), model.smooth_curves(muscle)):
-        slopes_agree(curves.active, x)
-        slopes_agree(curves.passive, x)
-        slopes_agree(curves.velocity, v)
+        _slopes_agree(curves.active, x)
+        _slopes_agree(curves.passive, x)
+        _slopes_agree(curves.velocity, v)
     if model.elastic:
         force = np.linspace(0.01, 1.5, 200)
-        slopes_agree(model.tendon(muscle), np.linspace(0.99, 1.07, 200), 1e-7)
-        slopes_agree(model.stretch(muscle), force)
+        _slopes_agree(model.tendon(muscle), np.linspace(0.99, 1.07, 200), 1e-7)
+        _slopes_agree(model.stretch(muscle), force)
         np.testing.assert_allclose(
             model.tendon(muscle)(model.stretch(muscle)(force)), force, atol=1e-9
         )
@@ -156,7 +156,7 @@ def test_every_elementary_function_has_its_derivatives(form):
     )
     expected = 0.3 - 0.2 * x + 1.7 * functions[form]((0.4 + 0.6 * x) / (1.1 + 0.25 * x))
     np.testing.assert_allclose(curve(x), expected, rtol=1e-14)
-    slopes_agree(curve, x)
+    _slopes_agree(curve, x)
 
 
 def test_lines_and_bounds_hold_a_curve_outside():

@@ -25,7 +25,7 @@ MODELS = {
 }
 
 
-def poses(model: Model, frames: int = 12) -> np.ndarray:
+def _poses(model: Model, frames: int = 12) -> np.ndarray:
     random = np.random.default_rng(3)
     low = np.array([max(one.range[0], -0.5) for one in model.coordinates])
     high = np.array([min(one.range[1], 0.5) for one in model.coordinates])
@@ -60,7 +60,7 @@ def test_drawn_lengths_are_the_paths_lengths(model: Model) -> None:
     OpenSim measures to where it first placed a point: 3 % at most.
     """
     paths = compile_paths(model)
-    coordinates = poses(model)
+    coordinates = _poses(model)
     lengths, _, _ = paths.evaluate(coordinates)
     nodes = paths.nodes(coordinates)
     drawn = drawn_paths(paths, coordinates)
@@ -77,7 +77,7 @@ def test_drawn_lengths_are_the_paths_lengths(model: Model) -> None:
     assert straight > 0
 
 
-def path_points(model: Model, muscle: Muscle, poses: Poses, coordinates: Array) -> Array:
+def _path_points(model: Model, muscle: Muscle, poses: Poses, coordinates: Array) -> Array:
     """Return points (frames, points, 3) of a muscle's path in ground [m].
 
     They are NaN where a conditional one is unused.
@@ -117,13 +117,13 @@ def test_nodes_are_the_points_where_nothing_is_wrapped(model: Model) -> None:
     from myomorph.core.rigid.kinematics import forward_kinematics
 
     paths = compile_paths(model)
-    coordinates = poses(model)
+    coordinates = _poses(model)
     placed = forward_kinematics(compile_tree(model), coordinates)
     nodes = paths.nodes(coordinates)
     plain = [m for m, one in enumerate(model.muscles) if not one.path.wraps]
     assert plain
     for m in plain[:10]:
-        expected = path_points(model, model.muscles[m], placed, coordinates)
+        expected = _path_points(model, model.muscles[m], placed, coordinates)
         for f in range(len(coordinates)):
             used = expected[f][np.isfinite(expected[f, :, 0])]
             assert nodes[f, m, : len(used), :3] == pytest.approx(used, abs=1e-12)
@@ -135,7 +135,7 @@ def test_nodes_are_the_points_where_nothing_is_wrapped(model: Model) -> None:
 def test_an_arc_leaves_along_the_straight_parts(model: Model) -> None:
     """The drawn curve turns no more than its parts allow: no corner where it meets the surface."""
     paths = compile_paths(model)
-    coordinates = poses(model)
+    coordinates = _poses(model)
     nodes = paths.nodes(coordinates)
     drawn = drawn_paths(paths, coordinates)
     f, m, n = np.nonzero(nodes[..., 3] > 0.01)

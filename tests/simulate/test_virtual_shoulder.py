@@ -69,7 +69,7 @@ def held(specimen: Specimen, exact: Sampled) -> Motion:
     )
 
 
-def lengthening(specimen: Specimen, motion: Motion) -> np.ndarray:
+def _lengthening(specimen: Specimen, motion: Motion) -> np.ndarray:
     speeds = muscle_kinematics(specimen.model, motion, moment_arms=False).muscle_velocity
     assert speeds is not None
     return speeds
@@ -120,7 +120,7 @@ def test_total_viscosity_is_that_of_the_torque(made: VirtualSpecimen) -> None:
 
 def test_tendons_lengthen_as_our_paths(made: VirtualSpecimen) -> None:
     exact = made.intact.trials[0].exact.every(40)
-    ours = lengthening(made.specimen, held(made.specimen, exact))
+    ours = _lengthening(made.specimen, held(made.specimen, exact))
     assert np.abs(exact.lengthening).max() > 5e-3
     np.testing.assert_allclose(ours, exact.lengthening, atol=1e-12)
 
@@ -129,7 +129,7 @@ def test_muscles_scale_exactly_about_the_joint(made: VirtualSpecimen) -> None:
     motion = held(made.specimen, made.intact.trials[1].exact.every(40))
     third = with_scaled_muscles(HeldLimb(made.specimen, HELD), 1.0 / 3.0)
     np.testing.assert_allclose(
-        lengthening(third, motion), lengthening(made.specimen, motion) / 3.0, atol=1e-13
+        _lengthening(third, motion), _lengthening(made.specimen, motion) / 3.0, atol=1e-13
     )
 
 
@@ -172,7 +172,7 @@ def test_files_say_what_the_specimen_is(made: VirtualSpecimen, tmp_path) -> None
     assert [one.name for one in model.markers] == names
     np.testing.assert_allclose(read.center, made.specimen.center, atol=1e-12)
     exact = made.intact.trials[0].exact.every(40)
-    np.testing.assert_allclose(lengthening(read, held(read, exact)), exact.lengthening, atol=1e-12)
+    np.testing.assert_allclose(_lengthening(read, held(read, exact)), exact.lengthening, atol=1e-12)
     trial = made.without.trials[0]
     write_recording(trial, tmp_path / "swing")
     markers = read_trc(tmp_path / "swing.trc").markers

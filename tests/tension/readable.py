@@ -54,15 +54,17 @@ def balance(directions: ArrayLike, torques: ArrayLike) -> Constraint:
 
 
 def emg_target(emg: ArrayLike, weight: float, variables: int) -> Cost:
-    """Soft target weight (a_m - t_m)^2 of the first variables, activations; NaN asks for nothing.
+    """Return the soft target weight (a_m - t_m)^2 of the first variables, activations.
 
-    With the effort a^2 beside it the cost is (1 + weight) (a - emg (weight + s) / (1 + weight))^2
+    NaN adds nothing. With the effort a^2 the cost is (1 + weight) (a - emg (weight + s) / (1 +
+    weight))^2
     but for a constant, where t = emg (1 + s / weight): of the effort of a firm target nothing is
     left, s = weight / (1 + weight).
 
     Parameters
     ----------
     emg : (muscles,) measured activations
+    weight : of the target, against 1 of the effort
     variables : n, of which the activations come first
     """
     wanted = np.full(variables, np.nan)
@@ -113,6 +115,7 @@ def shared_wrench(sums: ArrayLike, measured: ArrayLike, sd: ArrayLike, weight: f
     ----------
     sums : (rows, n) S, which adds the contact forces' components up
     measured, sd : (rows,) NaN where unknown; standard deviations
+    weight : of the squares
     """
     sums = np.asarray(sums, dtype=np.float64)
     measured = np.asarray(measured, dtype=np.float64)
@@ -209,9 +212,17 @@ def program(
 
 
 def solve_program(problem: Program) -> Array:
-    """Return the x of minimum cost within the constraints, by piqp.
+    """Solve a quadratic program by piqp.
 
     It is an interior-point method (Schwan, Jiang, Kuhn and Jones 2023).
+
+    Parameters
+    ----------
+    problem : with n variables
+
+    Returns
+    -------
+    (n,) the x of minimum cost within the constraints
     """
     solver = piqp.DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = 1e-10

@@ -29,12 +29,12 @@ def tree(data):
     return compile_tree(read_osim(data(RAJAGOPAL)))
 
 
-def pose(tree, seed: int = 0) -> np.ndarray:
+def _pose(tree, seed: int = 0) -> np.ndarray:
     """Return a random pose, couplers ignored: every coordinate moves by itself here."""
     return tree.defaults + np.random.default_rng(seed).uniform(-0.4, 0.4, len(tree.defaults))
 
 
-def power(tree, actuator: Actuator, q: np.ndarray, rate: np.ndarray) -> float:
+def _power(tree, actuator: Actuator, q: np.ndarray, rate: np.ndarray) -> float:
     """Power of the unit actuator while q moves at `rate`, by central differences of poses."""
     h = 1e-6
     before = forward_kinematics(tree, (q + (-1) * h * rate)[None])
@@ -135,7 +135,7 @@ ACTUATORS = [
 @pytest.mark.parametrize("actuator", ACTUATORS, ids=lambda one: one.name)
 def test_generalized_forces_do_the_work_of_the_force(tree, actuator):
     compiled = compile_body_actuators(tree, [actuator])
-    q = pose(tree)
+    q = _pose(tree)
     found = np.empty((1, len(compiled.coordinate)))
     body_directions(tree.arrays, compiled, q[None], found)
     column = np.zeros(len(q))
@@ -143,7 +143,7 @@ def test_generalized_forces_do_the_work_of_the_force(tree, actuator):
     for j in range(len(q)):
         rate = np.zeros(len(q))
         rate[j] = 1.0
-        assert column[j] == pytest.approx(power(tree, actuator, q, rate), abs=2e-8)
+        assert column[j] == pytest.approx(_power(tree, actuator, q, rate), abs=2e-8)
     assert np.abs(column).max() > 0.01
 
 

@@ -151,13 +151,13 @@ def walker(data):
     return model, motion, inverse_dynamics(model, motion, loads)
 
 
-def with_cost(program: Program, L: np.ndarray, m: float, weight: float) -> Program:
+def _with_cost(program: Program, L: np.ndarray, m: float, weight: float) -> Program:
     """Return the program with weight (L x - m)^2 added, as a full H."""
     H = np.diag(program.H) if program.H.ndim == 1 else program.H
     return replace(program, H=H + 2.0 * weight * np.outer(L, L), c=program.c - 2.0 * weight * m * L)
 
 
-def unit(program: Program, **factors: float) -> np.ndarray:
+def _unit(program: Program, **factors: float) -> np.ndarray:
     """Return a row of factors by the names of the program's variables."""
     found = np.zeros(len(program.c))
     for name, factor in factors.items():
@@ -179,7 +179,7 @@ def test_co_contraction_of_an_antagonist_pair_is_the_optimum_of_the_whole_progra
     assert found.optimal.all()
     for frame in range(len(motion)):
         bare = frame_program(problem, frame)
-        whole = with_cost(bare, unit(bare, soleus_r=1.0, tibant_r=-2.0), 0.0, 8.0)
+        whole = _with_cost(bare, _unit(bare, soleus_r=1.0, tibant_r=-2.0), 0.0, 8.0)
         theirs = solve_program(whole)[: len(model.muscles)]
         np.testing.assert_allclose(found.activation[frame], theirs, atol=1e-5)
     one = model.muscle_names.index("soleus_r")
@@ -209,10 +209,10 @@ def test_terms_add_up_with_contacts_emg_and_each_other(walker):
     limited = 0
     for frame in range(len(motion)):
         bare = frame_program(problem, frame)
-        whole = with_cost(bare, unit(bare, soleus_r=1.0), 0.1, 20.0)
-        whole = with_cost(whole, unit(bare, recfem_r=1.0), 0.25, 10.0)
-        whole = with_cost(whole, unit(bare, semimem_l=1.0, vasmed_l=-1.0), 0.0, 5.0)
-        limit = unit(bare, recfem_r=1.0, vaslat_r=1.0)
+        whole = _with_cost(bare, _unit(bare, soleus_r=1.0), 0.1, 20.0)
+        whole = _with_cost(whole, _unit(bare, recfem_r=1.0), 0.25, 10.0)
+        whole = _with_cost(whole, _unit(bare, semimem_l=1.0, vasmed_l=-1.0), 0.0, 5.0)
+        limit = _unit(bare, recfem_r=1.0, vaslat_r=1.0)
         whole = replace(whole, G=np.vstack([whole.G, limit]), h=np.append(whole.h, 0.2))
         theirs = solve_program(whole)
         np.testing.assert_allclose(found.activation[frame], theirs[: len(model.muscles)], atol=1e-4)

@@ -48,7 +48,7 @@ def hidden(walker):
     return solve_tension(model, motion, tau, contacts=task(model, motion))
 
 
-def residual(tension, letter: str) -> np.ndarray:
+def _residual(tension, letter: str) -> np.ndarray:
     """Residual force ("F") or moment ("M") on the pelvis (frames, 3)."""
     return np.column_stack(
         [
@@ -58,7 +58,7 @@ def residual(tension, letter: str) -> np.ndarray:
     )
 
 
-def acceleration_of_the_center(model, motion: Motion) -> np.ndarray:
+def _acceleration_of_the_center(model, motion: Motion) -> np.ndarray:
     """Second difference of the center of mass along q + v t + a t^2 / 2."""
     tree = compile_tree(model)
     step = 1e-3
@@ -74,12 +74,12 @@ def acceleration_of_the_center(model, motion: Motion) -> np.ndarray:
 def test_contacts_and_residuals_carry_the_body_as_newton_asks(walker, hidden):
     model, motion, _, _ = walker
     mass = sum(body.mass for body in model.bodies)
-    wanted = mass * (acceleration_of_the_center(model, motion) - model.gravity)
-    given = hidden.contacts.contact_force.sum(axis=1) + residual(hidden, "F")
+    wanted = mass * (_acceleration_of_the_center(model, motion) - model.gravity)
+    given = hidden.contacts.contact_force.sum(axis=1) + _residual(hidden, "F")
     assert hidden.optimal.all()
     np.testing.assert_allclose(given, wanted, atol=0.02)
     # Residuals are dear enough that contacts carry the weight.
-    assert np.abs(residual(hidden, "F")).max() < 0.01 * np.abs(wanted).max()
+    assert np.abs(_residual(hidden, "F")).max() < 0.01 * np.abs(wanted).max()
 
 
 def test_much_that_comes_from_nowhere_is_named_with_its_size_and_time(walker, hidden):
@@ -224,7 +224,7 @@ def test_forces_of_hands_and_thorax_pass_a_closed_loop(data):
     np.testing.assert_allclose(again.activation, found.activation, atol=1e-6)
 
 
-def clarabel_solution(problem: Program) -> np.ndarray:
+def _clarabel_solution(problem: Program) -> np.ndarray:
     """Solve the program by an interior-point method for cones."""
     clarabel = pytest.importorskip("clarabel")
     n = len(problem.c)
@@ -246,7 +246,7 @@ def clarabel_solution(problem: Program) -> np.ndarray:
     )
 
 
-def cost(problem: Program, x: np.ndarray) -> float:
+def _cost(problem: Program, x: np.ndarray) -> float:
     """1/2 x^T H x + c^T x."""
     return float(
         0.5 * x @ (problem.H * x if problem.H.ndim == 1 else problem.H @ x) + problem.c @ x
@@ -308,7 +308,7 @@ def test_the_fast_solution_is_that_of_the_readable_program_by_two_solvers(walker
                 problem.amplitudes[frame],
             ]
         )
-        for theirs in (solve_program(program), clarabel_solution(program)):
+        for theirs in (solve_program(program), _clarabel_solution(program)):
             assert program.variables[: len(ours)][-1].startswith(sites[-1].name)
             # Amplitudes at sites of little strength hardly count: forces are compared.
             np.testing.assert_allclose(
@@ -320,7 +320,7 @@ def test_the_fast_solution_is_that_of_the_readable_program_by_two_solvers(walker
             )
             assert np.abs(push).max() < 0.2
             if mode != "driven":
-                assert cost(program, ours) < cost(program, theirs) + 1e-5
+                assert _cost(program, ours) < _cost(program, theirs) + 1e-5
         assert np.abs(program.A[:, : len(ours)] @ ours - program.b).max() < 1e-5
 
 
@@ -444,7 +444,7 @@ def test_contacts_first_solves_the_equations_of_the_floating_body_alone(walker):
             b=whole.b[rows],
             lower=np.where(muscles, 0.0, whole.lower),
         )
-        z = clarabel_solution(alone)[-together.amplitudes.shape[1] :]
+        z = _clarabel_solution(alone)[-together.amplitudes.shape[1] :]
         forces = together.contacts.forces_of(
             slice(frame, frame + 1), together.coordinates[frame : frame + 1], z[None]
         )[0]
@@ -491,7 +491,7 @@ def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
     found = solve_tension(pair, together, inverse_dynamics(pair, together), contacts=ask)
     assert found.optimal.all()
     mass = sum(body.mass for body in model.bodies)
-    wanted = mass * (acceleration_of_the_center(model, part) - model.gravity)
+    wanted = mass * (_acceleration_of_the_center(model, part) - model.gravity)
     passed = found.contacts.of("hold")
     for who, on_it in (("one", passed), ("two", -passed)):
         ground = found.contacts.contact_force[:, [name.startswith(who) for name in names]].sum(

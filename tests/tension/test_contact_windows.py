@@ -33,7 +33,7 @@ def noisy(tau: Series, size: float = 5.0) -> Series:
     return Series(tau.time, tau.names, tau.values + size * noise)
 
 
-def all_at_once(problem, stiffness) -> np.ndarray:
+def _all_at_once(problem, stiffness) -> np.ndarray:
     """Return amplitudes (frames, generators) of the one program of all frames.
 
     They are by an interior-point method.
@@ -90,7 +90,7 @@ def test_a_window_reaches_the_optimum_of_all_its_frames_together(walker, smoothn
     stiffness = problem.smooth.stiffness
     np.testing.assert_allclose(stiffness, smoothness * (0.01 / 0.005) ** 2)
     push = problem.contacts.amounts / problem.contacts.generators.weight[0]
-    theirs = all_at_once(problem, stiffness)
+    theirs = _all_at_once(problem, stiffness)
     alone = tension_problem(
         TensionInputs(model, motion, tau, contacts=task(model, motion, compliance=1.0))
     )

@@ -22,7 +22,7 @@ from myomorph.core.tension.terms.muscles import SECOND_STAGE
 MINMAX = TensionOptions(recruitment="minmax")
 
 
-def least_greatest(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
+def _least_greatest(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarray) -> float:
     """Return the minimum beta of scipy's linear programs.
 
     The constraints are A a = b and low <= a <= min(high, beta).
@@ -41,7 +41,7 @@ def least_greatest(A: np.ndarray, b: np.ndarray, low: np.ndarray, high: np.ndarr
     return float(found.fun)
 
 
-def least_squares_below(
+def _least_squares_below(
     A: np.ndarray, b: np.ndarray, w: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
     """Return the minimum of sum w a^2 with A a = b and bounds, by piqp."""
@@ -53,7 +53,7 @@ def least_squares_below(
     return np.array(solver.result.x)
 
 
-def columns(problem: TensionProblem, frames: int) -> tuple[np.ndarray, np.ndarray]:
+def _columns(problem: TensionProblem, frames: int) -> tuple[np.ndarray, np.ndarray]:
     """Return A (frames, rows, unknowns) and b (frames, rows) of a problem."""
     given = problem.balance(0, frames)
     shared = problem.separable
@@ -74,9 +74,9 @@ def test_random_problems_have_the_least_greatest_activation_and_then_the_least_s
         assert residual[0] < 1e-6
         mine = directions[:, :30]
         rest = torques - directions[:, 30:] @ x[0, 30:]
-        beta = least_greatest(mine, rest, low[:30], high[:30])
+        beta = _least_greatest(mine, rest, low[:30], high[:30])
         assert x[0, :30].max() == pytest.approx(beta, abs=1e-8)
-        expected = least_squares_below(mine, rest, np.ones(30), low[:30], np.full(30, beta + 1e-9))
+        expected = _least_squares_below(mine, rest, np.ones(30), low[:30], np.full(30, beta + 1e-9))
         # The bound's 1e-9 of room is worth up to 1e-9 / SECOND_STAGE to the sum of squares.
         np.testing.assert_allclose(x[0, :30], expected, atol=1e-3)
         assert np.sum(x[0, :30] ** 2) < np.sum(expected**2) + 1e-9 / SECOND_STAGE
@@ -93,16 +93,16 @@ def test_a_walk_is_recruited_as_linear_programs_say(data):
     np.testing.assert_allclose(
         needed(model, motion, torques, found), found.balanced_torque, atol=1e-5
     )
-    A, b = columns(problem, 6)
+    A, b = _columns(problem, 6)
     count = len(model.muscles)
     for frame in range(6):
         rest = b[frame] - A[frame, :, count:] @ problem.x[frame, count:]
-        beta = least_greatest(
+        beta = _least_greatest(
             A[frame, :, :count], rest, found.activation_lower, found.activation_upper
         )
         assert found.activation[frame].max() == pytest.approx(beta, abs=1e-7)
         capped = np.minimum(found.activation_upper, beta + 1e-9)
-        expected = least_squares_below(
+        expected = _least_squares_below(
             A[frame, :, :count], rest, np.ones(count), found.activation_lower, capped
         )
         np.testing.assert_allclose(found.activation[frame], expected, atol=2e-4)

@@ -121,7 +121,7 @@ def test_activations_of_walking_with_a_spring_are_those_opensim_found(data, tmp_
     assert np.sqrt(np.mean((without.activation - found.activation) ** 2)) > 0.1
 
 
-def generalized(model: Model, motion: Motion, tension: Tension, forces: np.ndarray) -> np.ndarray:
+def _generalized(model: Model, motion: Motion, tension: Tension, forces: np.ndarray) -> np.ndarray:
     """Return torques of muscle forces and reserves on the balanced coordinates.
 
     They are by another way than the solver's.
@@ -150,6 +150,17 @@ def needed(model: Model, motion: Motion, torques: Series, tension: Tension) -> n
     """Return the torques to balance.
 
     They are those of inverse dynamics, of coupled coordinates transferred by virtual work.
+
+    Parameters
+    ----------
+    model : with couplers of one independent coordinate
+    motion : of the model
+    torques : of inverse dynamics [N m or N]
+    tension : for its balanced coordinates
+
+    Returns
+    -------
+    (frames, balanced coordinates) [N m or N]
     """
     total = {name: np.array(torques[name]) for name in torques.names}
     for coupler in model.couplers:
@@ -169,7 +180,7 @@ def test_muscles_and_reserves_together_balance_the_torques(data, passive):
         "missing input": 0,
         "not determined": 0,
     }
-    balanced = generalized(model, motion, found, found.muscle_force)
+    balanced = _generalized(model, motion, found, found.muscle_force)
     np.testing.assert_allclose(balanced, needed(model, motion, torques, found), atol=1e-5)
     np.testing.assert_allclose(balanced, found.balanced_torque, atol=1e-5)
     kinematics = muscle_kinematics(model, motion)
@@ -254,7 +265,7 @@ def test_the_exponent_and_volumes_change_who_works(data):
     for one in (cube, volume):
         assert np.all(one.optimal)
         np.testing.assert_allclose(
-            generalized(model, motion, one, one.muscle_force),
+            _generalized(model, motion, one, one.muscle_force),
             needed(model, motion, torques, one),
             atol=1e-4,
         )

@@ -66,12 +66,13 @@ class CoordinateStiffness:
 def coordinate_damping(
     model: mm.Model, base: str, first: str, viscosity: ArrayLike, motion: mm.Motion
 ) -> CoordinateDamping:
-    """Dampers of coordinates nearest to the damping of the joint between two bodies, over a motion.
+    """Fit dampers of coordinates to the damping of the joint between two bodies, over a motion.
 
         min over d_k >= 0 of sum over frames of |E^T D E qdot - diag(d) qdot|^2
 
     Parameters
     ----------
+    model : with both bodies
     base, first : the bodies on both sides of the joint (scapula and humerus)
     viscosity : one value, or three along the axes of `first` [N m s/rad]
     motion : with velocities, such as the model will be used for
@@ -81,7 +82,7 @@ def coordinate_damping(
     BadData
         where the viscosity is not one or three numbers from 0 on, or the motion has no velocities
     BadModel
-        where no coordinate turns the bodies against each other
+        where no coordinate rotates the bodies against each other
     """
     D = along_axes("viscosity", viscosity)
     tree = compile_tree(model)

@@ -118,13 +118,18 @@ class Decay:
 def fit_decay(
     time: Array, signal: Array, terms: Sequence[str] = ("viscous",), bend: bool = True
 ) -> Decay:
-    """Least squares of a decaying oscillation to a signal of an angle or a rate.
+    """Fit a decaying oscillation to a signal of an angle or a rate by least squares.
 
     Parameters
     ----------
-    time : (frames,) at equal steps [s], signal : (frames,) in any unit
+    time : (frames,) at equal steps [s]
+    signal : (frames,) in any unit
     terms : among `DAMPINGS`, coefficients of at least 0
     bend : let the period depend on the amplitude
+
+    Returns
+    -------
+    Decay with its residual and the number of independent samples
 
     Raises
     ------
@@ -211,6 +216,16 @@ def compare_decays(
     """Fit every law of damping.
 
     Criteria count the independent samples of the best law's residual.
+
+    Parameters
+    ----------
+    time : (frames,) at equal steps [s]
+    signal : (frames,) in any unit
+    laws : terms of each law, among `DAMPINGS`
+
+    Returns
+    -------
+    the fit of each law, in their order
     """
     fits = [fit_decay(time, signal, terms) for terms in laws]
     samples = min(fits, key=lambda one: one.residual).effective

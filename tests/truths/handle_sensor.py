@@ -100,17 +100,22 @@ class HandleFit:
 def object_motion(
     markers: mm.Markers, names: tuple[str, ...], cutoff: float, reference: int = 0
 ) -> ObjectMotion:
-    """Rigid motion of an object by its markers (Kabsch 1976 in every frame), low-pass filtered.
+    """Compute the rigid motion of an object by its markers, low-pass filtered.
+
+    Every frame is solved by Kabsch 1976.
 
     Parameters
     ----------
+    markers : with those of the object
+    names : of the object's markers
     cutoff : of the low-pass filter [Hz]
-    reference : frame in which the object's axes are the laboratory's; every marker must be seen in
+    reference : frame in which the object's axes are the laboratory's; every marker must be visible
+        in
         it
 
     Raises
     ------
-    BadData : a marker unseen in the reference, or fewer than three in some frame
+    BadData : a marker hidden in the reference, or fewer than three visible in some frame
     """
     values = np.stack([markers[name] for name in names], axis=1)
     seen: np.ndarray = np.isfinite(values[:, :, 0])

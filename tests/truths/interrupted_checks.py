@@ -100,6 +100,8 @@ def differences(folder: Path, reference: Path, whole: bool = True) -> tuple[int,
 
     Parameters
     ----------
+    folder : with results
+    reference : the other folder
     whole : whether both must have the same files; else only trials' files that are there are
         compared
     """

@@ -65,7 +65,17 @@ def leg_shapes() -> dict[str, Shapes]:
 
 
 def mesh_faces(folder: Path, name: str) -> np.ndarray:
-    """Triangles (m, 3) over a mesh's nodes: elements share nodes, numbered as first met."""
+    """Return triangles over a mesh's nodes: elements share nodes, numbered as first met.
+
+    Parameters
+    ----------
+    folder : of the data set
+    name : of the mesh
+
+    Returns
+    -------
+    (m, 3) node numbers; triangles with two equal corners are left out
+    """
     mesh = json.loads((folder / f"{name}.mesh").read_text())
     order = json.loads((folder / f"{name}.ens").read_text())["custom_map"]
     shared = {

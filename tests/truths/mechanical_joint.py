@@ -45,9 +45,17 @@ def on_true_clock(wrenches: mm.Wrenches, noise: Noise) -> mm.Wrenches:
 
 
 def poses_of(seen: Array, places: Array, axis: Array | None) -> Array:
-    """Return quaternions (frames, 4) that rotate positions onto the observed ones.
+    """Return quaternions that rotate marker positions onto the observed ones.
 
-    The positions are (markers, 3), the observed ones (frames, markers, 3).
+    Parameters
+    ----------
+    seen : (frames, markers, 3) observed, from the joint's center [m]
+    places : (markers, 3) in the limb's frame [m]
+    axis : (3,) of a hinge, None for a ball joint
+
+    Returns
+    -------
+    (frames, 4) w first, continuous over frames
     """
     if axis is not None:
         angle = np.arctan2(
@@ -66,9 +74,18 @@ def moment_rows(
 ) -> tuple[Array, Array]:
     """Return moment about a fixed point of the body and force that unit parameters need.
 
-    They are (frames, 3, 10), in the body's axes.
-
     n = I alpha + omega x I omega - m c x g,  f = -m g + alpha x m c + omega x (omega x m c).
+
+    Parameters
+    ----------
+    rotations : (frames, 3, 3) of the body in ground
+    rates : (frames, 3) angular velocities in the body's axes [rad/s]
+    accelerations : (frames, 3) angular accelerations in the body's axes [rad/s^2]
+    gravity : (3,) in ground [m/s^2]
+
+    Returns
+    -------
+    moment and force, each (frames, 3, 10), in the body's axes
     """
     weight = np.einsum("fji,j->fi", rotations, gravity)
     moment, force = np.zeros((2, len(rates), 3, PARAMETERS))
@@ -183,15 +200,33 @@ class JointTruth:
         return np.eye(3) if self.axis is None else self.axis[None]
 
     def angles(self, rotations: Array) -> Array:
-        """(frames, axes) rotation vector or angle from hanging of rotations (frames, 3, 3)."""
+        """Return the rotation vector or angle from hanging.
+
+        Parameters
+        ----------
+        rotations : (frames, 3, 3) of the limb from hanging
+
+        Returns
+        -------
+        (frames, axes) [rad]
+        """
         vectors = Rotation.from_matrix(rotations).as_rotvec()
         return vectors if self.axis is None else np.unwrap(vectors @ self.axis)[:, None]
 
     def passive_torque(self, angles: Array, rates: Array) -> Array:
-        """(frames, axes) torque of damper and spring [N m].
+        """Return the torque of damper and spring.
 
         A ball joint's spring pulls along the rotation vector from its rest, here equal to `angles -
         rest` only where the rest is hanging.
+
+        Parameters
+        ----------
+        angles : (frames, axes) from hanging [rad]
+        rates : (frames, axes) [rad/s]
+
+        Returns
+        -------
+        (frames, axes) [N m]
         """
         return -self.damping * rates - self.stiffness * (angles - self.rest)
 

@@ -213,7 +213,17 @@ def lengths_over(model: mm.Model, motion: mm.Motion, strides: Strides) -> Length
 
 
 def part_of(motion: mm.Motion, frames: NDArray[np.int64]) -> mm.Motion:
-    """Return a motion in some of its frames."""
+    """Return a motion in some of its frames.
+
+    Parameters
+    ----------
+    motion : with or without derivatives
+    frames : (chosen,) numbers
+
+    Returns
+    -------
+    Motion of the chosen frames, derivatives included
+    """
     rows = (
         None if one is None else one[frames] for one in (motion.velocities, motion.accelerations)
     )
@@ -302,9 +312,18 @@ def alone(folder: Path, name: str) -> Alone | None:
 
 
 def place_of(model: mm.Model, motion: mm.Motion, body: str, offset: Array | None = None) -> Array:
-    """Return a point (frames, 3) of a body in ground, its joint's center by default [m].
+    """Return a point of a body in ground.
 
-    It is NaN where the pose is not known.
+    Parameters
+    ----------
+    model : with the body
+    motion : of the model; frames may be NaN
+    body : name
+    offset : (3,) of the point in the body's frame [m]; its joint's center by default
+
+    Returns
+    -------
+    (frames, 3) [m]; NaN where the pose is not known
     """
     tree = compile_tree(model)
     known = np.isfinite(motion.values).all(axis=1)
@@ -329,7 +348,16 @@ def _over(corners: Array, places: Array) -> NDArray[np.bool_]:
 
 
 def longest(state: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Frames of the longest run."""
+    """Return the frames of the longest run.
+
+    Parameters
+    ----------
+    state : (frames,) whether a frame counts
+
+    Returns
+    -------
+    (run,) frame numbers
+    """
     start, stop = max(runs(state), key=lambda span: span[1] - span[0], default=(0, 0))
     return np.arange(start, stop)
 

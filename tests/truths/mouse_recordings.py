@@ -98,13 +98,13 @@ def both_hindlimbs(folder: Path, back: bool = False) -> mm.Model:
     The markers are the recordings'.
 
     Freed: the pelvis' rotations and the hip's rotation, which the table locks; the pelvis rotates
-    about
-    y, z, x in this order, for about x, y, z a mouse that runs along z would stand where these
+    about y, z, x in this order, for about x, y, z a mouse that runs along z would stand where these
     angles are not unique. Locked: the toes, which no marker shows. The left iliac marker, which the
     table has on the right, is put on the left. By default it stands on bent legs.
 
     Parameters
     ----------
+    folder : of the data collection
     back : with two markers on the back, as on the treadmill; else with those of spine and tail
     """
     right = mouse_hindlimb_model(folder / FILE)

@@ -83,7 +83,17 @@ def optimality(
 
 
 def cost_slope(solved: SolvedFrames, x: Array) -> Array:
-    """Gradient of the cost, (frames, variables)."""
+    """Return the gradient of the cost.
+
+    Parameters
+    ----------
+    solved : frames with their costs and penalties
+    x : (frames, variables)
+
+    Returns
+    -------
+    (frames, variables)
+    """
     w = solved.shared.weight
     p = solved.shared.exponent
     (low, high, stiff) = solved.penalties.swapaxes(0, 1)

@@ -24,10 +24,17 @@ from myomorph.swings.plate_pose import LineResiduals, Misfits
 
 
 def pose_deviations(calibration: PlateCalibration) -> Array:
-    """Return standard deviations (6,) of a plate's pose.
+    """Return standard deviations of a plate's pose.
 
-    They are of the rotation about the laboratory's axes [rad] and of the center [m], inf along what
-    is not identifiable.
+    Parameters
+    ----------
+    calibration : with its covariance and the directions that are not identifiable
+
+    Returns
+    -------
+    (6,) of the rotation about the laboratory's axes [rad] and of the center [m], inf along what is
+    not
+    identifiable
     """
     lost = np.linalg.norm(calibration.unknown, axis=1) > 0.1
     return np.where(lost, np.inf, np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0)))

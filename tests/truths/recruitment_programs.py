@@ -103,9 +103,17 @@ def walk(folder: Path) -> Walk:
 
 
 def loads_of(one: Walk, forces: Array, joints: tuple[str, ...]) -> Array:
-    """Return forces (frames, joints, 3) that joints transmit, in body weights.
+    """Return forces that joints transmit.
 
-    The tensions are (frames, muscles).
+    Parameters
+    ----------
+    one : walk
+    forces : (frames, muscles) tensions [N]
+    joints : names
+
+    Returns
+    -------
+    (frames, joints, 3) in ground [body weights]
     """
     pulled = mm.Series(one.motion.time, one.model.muscle_names, forces)
     found = mm.joint_reactions(
@@ -117,7 +125,14 @@ def loads_of(one: Walk, forces: Array, joints: tuple[str, ...]) -> Array:
 def load_columns(one: Walk, joints: tuple[str, ...]) -> tuple[Array, Array]:
     """Return loads without any tension, and what each full activation adds.
 
-    They are (frames, 3 joints) and (frames, 3 joints, muscles).
+    Parameters
+    ----------
+    one : walk
+    joints : names
+
+    Returns
+    -------
+    (frames, 3 joints) and (frames, 3 joints, muscles) [body weights]
     """
     frames = len(one.motion)
     alone = loads_of(one, np.zeros_like(one.F), joints).reshape(frames, -1)
@@ -185,11 +200,18 @@ docs/method.md gives them.
 def solve_program(
     one: Walk, frame: int, by: Criterion, loads: tuple[Array, Array] | None = None
 ) -> Array:
-    """Activations (muscles,) of a frame.
+    """Solve the activations of a frame.
 
     Parameters
     ----------
+    one : walk
+    frame : number
+    by : criterion
     loads : as of `load_columns`, where the criterion has joint loads
+
+    Returns
+    -------
+    (muscles,) activations in 0..1
     """
     n = one.F.shape[1]
     rows = len(one.rows)
@@ -252,7 +274,20 @@ def solve_program(
 
 
 def cost_of(one: Walk, frame: int, by: Criterion, a: Array, loads: tuple[Array, Array]) -> float:
-    """Return the cost of activations (muscles,), the reserves that balance them included."""
+    """Return the cost of activations, the reserves that balance them included.
+
+    Parameters
+    ----------
+    one : walk
+    frame : number
+    by : criterion
+    a : (muscles,) activations
+    loads : as of `load_columns`
+
+    Returns
+    -------
+    the cost, without unit
+    """
     p = by.tension.exponent
     w = _weights(one.model, by.tension)
     u = (one.tau[frame] - one.R[frame].T @ (one.F[frame] * a)) / one.reserves

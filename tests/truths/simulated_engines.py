@@ -34,12 +34,14 @@ class Engine(Protocol):
     def measure(
         self, values: Array, rate: float, center: Array, progress: Progress = None
     ) -> tuple[Array, Array]:
-        """Markers and wrench of a motion.
+        """Compute markers and wrench of a motion.
 
         Parameters
         ----------
         values : (frames + 2 MARGIN, coordinates) of the model, dependent ones consistent [rad or m]
+        rate : of the frames [Hz]
         center : (3,) in ground, about which the moment is [m]
+        progress : called with the number of frames done since the last call
 
         Returns
         -------
@@ -49,7 +51,17 @@ class Engine(Protocol):
 
 
 def rates(x: Array, rate: float) -> tuple[Array, Array]:
-    """First and second derivatives of x (frames + 2 MARGIN, ...) in its middle frames."""
+    """Return first and second derivatives of x in its middle frames.
+
+    Parameters
+    ----------
+    x : (frames + 2 MARGIN, ...)
+    rate : of the frames [Hz]
+
+    Returns
+    -------
+    both (frames, ...) [1/s, 1/s^2]
+    """
     frames = len(x) - 2 * MARGIN
     shifted = [x[k : k + frames] for k in range(2 * MARGIN + 1)]
     first = sum(w * part for w, part in zip(FIRST, shifted, strict=True) if w)
@@ -58,7 +70,17 @@ def rates(x: Array, rate: float) -> tuple[Array, Array]:
 
 
 def angular_rates(rotations: Array, rate: float) -> tuple[Array, Array]:
-    """Angular velocity and acceleration in ground of rotations (frames + 2 MARGIN, ..., 3, 3)."""
+    """Return angular velocity and acceleration in ground.
+
+    Parameters
+    ----------
+    rotations : (frames + 2 MARGIN, ..., 3, 3)
+    rate : of the frames [Hz]
+
+    Returns
+    -------
+    both (frames, ..., 3) [rad/s, rad/s^2]
+    """
     dot, ddot = rates(rotations, rate)
     turned = np.swapaxes(rotations[MARGIN:-MARGIN], -1, -2)
     return _axial(dot @ turned), _axial(ddot @ turned)
@@ -84,7 +106,16 @@ def put_inertia(compiled: Any, model: mm.Model) -> None:
 
 
 def quaternions_of(rotations: Array) -> Array:
-    """Quaternions (..., 4), w first, of rotations (..., 3, 3)."""
+    """Return quaternions of rotations.
+
+    Parameters
+    ----------
+    rotations : (n, 3, 3)
+
+    Returns
+    -------
+    (n, 4), w first
+    """
     found: Array = Rotation.from_matrix(rotations).as_quat()[..., [3, 0, 1, 2]]
     return found
 
@@ -125,7 +156,19 @@ class TreeEngine:
     def measure(
         self, values: Array, rate: float, center: Array, progress: Progress = None
     ) -> tuple[Array, Array]:
-        """See `Engine`."""
+        """Compute markers and wrench of a motion.
+
+        Parameters
+        ----------
+        values : (frames + 2 MARGIN, coordinates) [rad or m]
+        rate : of the frames [Hz]
+        center : (3,) in ground, about which the moment is [m]
+        progress : called with the number of frames done since the last call
+
+        Returns
+        -------
+        as of `Engine.measure`
+        """
         m = self.compiled
         d = self.data
         person = self.person
@@ -209,7 +252,17 @@ class SimbodyEngine:
         self.free.opt.gravity[:] = person.gravity
 
     def poses(self, values: Array, progress: Progress = None) -> tuple[Array, Array]:
-        """Rotations (frames, bodies, 3, 3) and origins (frames, bodies, 3) from Simbody."""
+        """Return poses of all bodies from Simbody.
+
+        Parameters
+        ----------
+        values : (frames, coordinates) in the person's order [rad or m]
+        progress : called with the number of frames done since the last call
+
+        Returns
+        -------
+        rotations (frames, bodies, 3, 3) and origins (frames, bodies, 3) [m]
+        """
         import opensim
 
         quaternions = np.empty((len(values), len(self.bodies), 4))
@@ -230,7 +283,19 @@ class SimbodyEngine:
     def measure(
         self, values: Array, rate: float, center: Array, progress: Progress = None
     ) -> tuple[Array, Array]:
-        """See `Engine`."""
+        """Compute markers and wrench of a motion.
+
+        Parameters
+        ----------
+        values : (frames + 2 MARGIN, coordinates) [rad or m]
+        rate : of the frames [Hz]
+        center : (3,) in ground, about which the moment is [m]
+        progress : called with the number of frames done since the last call
+
+        Returns
+        -------
+        as of `Engine.measure`
+        """
         rotations, origins = self.poses(values, progress)
         spin, turning = angular_rates(rotations, rate)
         velocity, acceleration = rates(origins, rate)

@@ -78,7 +78,15 @@ def person(
 
     Parameters
     ----------
+    model : the generic one
+    motions : in which the muscles work
+    spread : standard deviations of the muscles' parameters
+    rng : generator of the draws
     groups : (muscles,) muscles of one number share their strength
+
+    Returns
+    -------
+    Model with other optimal fiber lengths, tendon slack lengths and strengths
     """
     lengths = np.vstack(
         [
@@ -136,7 +144,19 @@ def some_gains(model: mm.Model, errors: Errors, rng: np.random.Generator) -> dic
 def smooth_activations(
     time: Array, muscles: int, rng: np.random.Generator, most: float = 0.7
 ) -> Array:
-    """(frames, muscles) bursts of activation of about a third of a second."""
+    """Make bursts of activation of about a third of a second.
+
+    Parameters
+    ----------
+    time : (frames,) at equal steps [s]
+    muscles : number
+    rng : generator of the bursts
+    most : above 0.02
+
+    Returns
+    -------
+    (frames, muscles) activations from 0.02 to 0.02 + `most`
+    """
     raw = rng.standard_normal((len(time), muscles))
     smooth = gaussian_filter1d(raw, 0.08 / (time[1] - time[0]), axis=0)
     smooth /= smooth.std(axis=0)
@@ -144,7 +164,18 @@ def smooth_activations(
 
 
 def integrated_forces(model: mm.Model, motion: mm.Motion, activations: Array) -> Array:
-    """(frames, muscles) tendon forces of muscles under known activations, each by itself [N]."""
+    """Integrate muscles under known activations, each by itself.
+
+    Parameters
+    ----------
+    model : whose muscles have the state of a fiber length
+    motion : with velocities
+    activations : (frames, muscles)
+
+    Returns
+    -------
+    (frames, muscles) tendon forces [N]
+    """
     moved = mm.muscle_kinematics(model, motion, moment_arms=False)
     time = np.array(motion.time)
     found = np.empty_like(activations)
@@ -202,20 +233,22 @@ def as_degroote(model: mm.Model) -> mm.Model:
 
 
 def integrated_degroote(person: mm.Model, lengths: Array, time: Array, activations: Array) -> Array:
-    """Tendon forces of all muscles at once, in equations of our own (De Groote et al. 2016) [N].
+    """Integrate all muscles at once, in equations of our own (De Groote et al. 2016).
 
     The state is each muscle's normalized tendon force f; its rate follows from the path's speed
     less the fiber's.
 
     Parameters
     ----------
+    person : with muscles of De Groote's class
     lengths : (frames, muscles) of the paths [m], or (frames, recordings * muscles) of several
         recordings side by side
-    activations : alike
+    time : (frames,) [s]
+    activations : of the shape of `lengths`
 
     Returns
     -------
-    of the shape of lengths
+    of the shape of `lengths`, tendon forces [N]
     """
     recordings = lengths.shape[1] // len(person.muscles)
     lo = np.tile([one.optimal_fiber_length for one in person.muscles], recordings)
@@ -380,7 +413,18 @@ def with_other_muscles(person: mm.Model, rng: np.random.Generator) -> mm.Model:
 
 
 def slow(time: Array, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
-    """Errors of unit size that vary within a tenth of a second."""
+    """Make errors of unit size that vary within a tenth of a second.
+
+    Parameters
+    ----------
+    time : (frames,) at equal steps [s]
+    shape : (frames, ...) of the errors
+    rng : generator
+
+    Returns
+    -------
+    of this shape, standard deviation 1
+    """
     raw = gaussian_filter1d(rng.standard_normal(shape), 0.04 / (time[1] - time[0]), axis=0)
     return raw / max(float(raw.std()), 1e-12)
 
@@ -391,6 +435,18 @@ def swings(
     """Make coordinates that swing between bounds at periods of about a second.
 
     Each has a phase of its own.
+
+    Parameters
+    ----------
+    model : with the coordinates
+    ranges : lower and upper bound of coordinates by name [rad or m]; the others stay at their
+        default
+    time : (frames,) [s]
+    rng : generator of periods and phases
+
+    Returns
+    -------
+    Motion with velocities and accelerations of 0
     """
     values = np.tile([one.default for one in model.coordinates], (len(time), 1))
     speeds = np.tile([one.default for one in model.coordinates], (len(time), 1))
@@ -406,10 +462,18 @@ def swings(
 
 
 def muscle_torques(model: mm.Model, arms: Array, forces: Array) -> Array:
-    """Return torques (frames, coordinates) of tendon forces (frames, muscles) [N m or N].
+    """Return torques of tendon forces.
 
-    They are 0 for dependent coordinates. Moment arms (frames, muscles, coordinates) are with
-    couplers: those of a knee hold what goes through its patella.
+    Parameters
+    ----------
+    model : with the coordinates
+    arms : (frames, muscles, coordinates) with couplers: those of a knee hold what goes through its
+        patella [m]
+    forces : (frames, muscles) [N]
+
+    Returns
+    -------
+    (frames, coordinates), 0 for dependent coordinates [N m or N]
     """
     torques = np.einsum("fmc,fm->fc", arms, forces)
     torques[:, [model.coordinate_names.index(name) for name in model.dependent_coordinates]] = 0.0
@@ -417,9 +481,16 @@ def muscle_torques(model: mm.Model, arms: Array, forces: Array) -> Array:
 
 
 def resting_torques(model: mm.Model, motion: mm.Motion) -> Array:
-    """Return torques (poses, coordinates) of joints and of resting muscles in equilibrium.
+    """Return torques of joints and of resting muscles in equilibrium.
 
-    They are NaN where one has none.
+    Parameters
+    ----------
+    model : with the muscles
+    motion : its poses, with velocities
+
+    Returns
+    -------
+    (poses, coordinates), NaN where a muscle has no equilibrium [N m or N]
     """
     moved = mm.muscle_kinematics(model, motion)
     rest = np.full(len(motion), 1e-4)

@@ -94,9 +94,15 @@ class Instruments:
     seed: int = 5
 
     def sigma(self, up: Array) -> Array:
-        """Return standard deviations (6,) of the wrench's noise.
+        """Return standard deviations of the wrench's noise.
 
-        They are of moments about the plate's center, then of forces.
+        Parameters
+        ----------
+        up : (3,) unit vector of the vertical, of either sign
+
+        Returns
+        -------
+        (6,) of moments about the plate's center [N m], then of forces [N]
         """
         across, along = self.sensors[::-1]
         lever = np.where(np.abs(up) > 0.5, np.hypot(along, across), 0.0)
@@ -156,10 +162,20 @@ def random_subject(generic: mm.Model, options: SubjectOptions | None = None) -> 
 
 
 def deformed(parameters: Array, options: SubjectOptions, random: np.random.Generator) -> Array:
-    """Parameters (10,) of a body whose mass was moved by an affine map x -> A x + t, and scaled.
+    """Deform a body whose mass is moved by an affine map x -> A x + t, and scaled.
 
     Whatever positive masses the body was made of, they are so afterwards: J -> k T J T^T for the
     pseudo-inertia J.
+
+    Parameters
+    ----------
+    parameters : (10,) inertial parameters of the body
+    options : sizes of the deformations
+    random : generator
+
+    Returns
+    -------
+    (10,) after the deformation; a body without mass stays
     """
     J = pseudo_inertias(parameters)
     mass = J[3, 3]
@@ -183,7 +199,16 @@ def deformed(parameters: Array, options: SubjectOptions, random: np.random.Gener
 
 
 def parameters_of(J: Array) -> Array:
-    """Parameters (..., 10) of pseudo-inertias (..., 4, 4)."""
+    """Return inertial parameters of pseudo-inertias.
+
+    Parameters
+    ----------
+    J : (..., 4, 4)
+
+    Returns
+    -------
+    (..., 10)
+    """
     second = J[..., :3, :3]
     about = np.trace(second, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - second
     parts = [J[..., 3, 3], J[..., 0, 3], J[..., 1, 3], J[..., 2, 3]]
@@ -339,7 +364,13 @@ def record(
 
 
 def follow(model: mm.Model, values: Array) -> None:
-    """Set the dependent columns of values (frames, coordinates) from the others, in place."""
+    """Set the dependent columns of values from the others, in place.
+
+    Parameters
+    ----------
+    model : with couplers
+    values : (frames, coordinates) [rad or m]
+    """
     waiting = list(model.couplers)
     while waiting:
         driven = {one.dependent for one in waiting}
@@ -350,9 +381,17 @@ def follow(model: mm.Model, values: Array) -> None:
 
 
 def plate_center(model: mm.Model) -> Array:
-    """Return the point (3,) of the floor under the base in its default pose.
+    """Return the point of the floor under the base in its default pose.
 
     The ground's height 0 is the floor.
+
+    Parameters
+    ----------
+    model : with a base joint to the ground
+
+    Returns
+    -------
+    (3,) in ground [m]
     """
     base = next(joint for joint in model.joints if joint.parent == GROUND)
     default = {one.name: one.default for one in model.coordinates}
@@ -368,6 +407,17 @@ def on_one_foot(model: mm.Model, time: Array, wrench: Array, center: Array) -> m
     """Return the wrench as a force at its center of pressure, on the right foot.
 
     It has an upright free torque.
+
+    Parameters
+    ----------
+    model : with a right foot
+    time : (frames,) [s]
+    wrench : (frames, 6) moment about `center` and force, in ground [N m; N]
+    center : (3,) on the floor [m]
+
+    Returns
+    -------
+    Wrenches of one plate
     """
     foot = next(
         body

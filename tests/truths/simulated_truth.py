@@ -68,9 +68,19 @@ def frames_between(
 ) -> tuple[Array, Array]:
     """Return the pose of the person's body frames in the model's, as a recording shows them.
 
-    It is (bodies, 3, 3), (bodies, 3). Where a joint's zero lies, and where a body's frame lies
-    between its joints, is convention: no recording shows it, and markers and masses are compared
-    without it.
+    Where a joint's zero lies, and where a body's frame lies between its joints, is convention: no
+    recording shows it, and markers and masses are compared without it.
+
+    Parameters
+    ----------
+    person : the truth
+    true : its motion
+    model : the estimate
+    motion : its motion, at times of the true one; frames may be NaN
+
+    Returns
+    -------
+    rotations (bodies, 3, 3) and origins (bodies, 3) [m], means over frames
     """
     at = np.isin(np.round(true.time, 6), np.round(motion.time, 6))
     poses = [
@@ -89,12 +99,33 @@ def frames_between(
 
 
 def at_frames(motion: mm.Motion, at: np.ndarray) -> mm.Motion:
-    """Return some frames of a motion."""
+    """Return some frames of a motion.
+
+    Parameters
+    ----------
+    motion : values alone are kept
+    at : (frames,) flags, or (chosen,) numbers
+
+    Returns
+    -------
+    Motion without derivatives
+    """
     return mm.Motion(motion.time[at], motion.names, motion.values[at])
 
 
 def moved(parameters: Array, rotations: Array, origins: Array) -> Array:
-    """Parameters (bodies, 10) in other frames of the bodies, J -> T J T^T."""
+    """Return parameters in other frames of the bodies, J -> T J T^T.
+
+    Parameters
+    ----------
+    parameters : (bodies, 10)
+    rotations : (bodies, 3, 3) of the old frames in the new ones
+    origins : (bodies, 3) of the old frames in the new ones [m]
+
+    Returns
+    -------
+    (bodies, 10)
+    """
     T = np.tile(np.eye(4), (len(parameters), 1, 1))
     T[:, :3, :3] = rotations
     T[:, :3, 3] = origins
@@ -102,13 +133,37 @@ def moved(parameters: Array, rotations: Array, origins: Array) -> Array:
 
 
 def predicted(model: mm.Model, motion: mm.Motion, center: Array, parameters: Array) -> Array:
-    """(frames, 6) wrench about a point of the ground that parameters (bodies, 10) need."""
+    """Return the wrench that inertial parameters need.
+
+    Parameters
+    ----------
+    model : with the bodies
+    motion : with velocities and accelerations
+    center : (3,) point of the ground, about which the moment is [m]
+    parameters : (bodies, 10)
+
+    Returns
+    -------
+    (frames, 6) moment and force [N m; N]
+    """
     phi = np.asarray(parameters).ravel()
     return np.concatenate([block.rows @ phi for block in regressor_blocks(model, motion, center)])
 
 
 def own_wrench(model: mm.Model, motion: mm.Motion, center: Array, frames: int = 500) -> Array:
-    """(frames, 6) the same by inverse dynamics, in evenly chosen frames, NaN elsewhere."""
+    """Return the wrench that the model's own parameters need, by inverse dynamics.
+
+    Parameters
+    ----------
+    model : with one joint to the ground
+    motion : with velocities and accelerations
+    center : (3,) point of the ground, about which the moment is [m]
+    frames : number of evenly chosen frames
+
+    Returns
+    -------
+    (frames of the motion, 6) moment and force, NaN in frames that are not chosen [N m; N]
+    """
     tree = compile_tree(model)
     joint = next(one for one in model.joints if one.parent == GROUND)
     columns = [model.coordinate_names.index(name) for name in joint.coordinates]

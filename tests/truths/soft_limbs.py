@@ -33,7 +33,13 @@ class SoftTissue:
     def mjcf(self, down: Array) -> str:
         """Return a body on three slides that is at the position of `place` while gravity pulls.
 
-        Gravity is `down` (3,), in the limb's frame.
+        Parameters
+        ----------
+        down : (3,) gravity in the limb's frame [m/s^2]
+
+        Returns
+        -------
+        MJCF of the body
         """
         angular = 2.0 * np.pi * self.frequency
         sag = down / angular**2

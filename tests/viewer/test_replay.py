@@ -30,7 +30,7 @@ from walker import GRAVITY, everything, model, motion, steps
 WAYS = ("up", "ahead", "right")
 
 
-def turned(wxyz: np.ndarray, vector: np.ndarray) -> np.ndarray:
+def _turned(wxyz: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Vectors turned by quaternions."""
     w = wxyz[:, :1]
     axis = wxyz[:, 1:]
@@ -50,7 +50,7 @@ def test_poses_are_those_of_the_kinematics() -> None:
         assert body.frame_at(float(body.time[frame]) + 0.004) == frame
     quaternion = quaternions(poses.rotations[57])
     vector = np.array([0.3, -0.2, 0.7])
-    assert turned(quaternion, np.tile(vector, (len(quaternion), 1))) == pytest.approx(
+    assert _turned(quaternion, np.tile(vector, (len(quaternion), 1))) == pytest.approx(
         poses.rotations[57] @ vector
     )
 
@@ -72,7 +72,7 @@ def test_tubes_reach_from_point_to_point() -> None:
     ends = [1, 2, 4, 5, 6]
     assert len(made.positions) == 5
     half = made.scales[:4, 2] - 0.35 * made.scales[:4, 0]
-    along = turned(made.wxyzs[:4].astype(float), np.array([0.0, 0.0, 1.0]) * half[:, None])
+    along = _turned(made.wxyzs[:4].astype(float), np.array([0.0, 0.0, 1.0]) * half[:, None])
     assert made.positions[:4] - along == pytest.approx(points[starts[:4]], abs=1e-6)
     assert made.positions[:4] + along == pytest.approx(points[ends[:4]], abs=1e-6)
     assert not made.scales[4].any()
@@ -120,7 +120,7 @@ def test_arrows_stand_where_forces_act_and_are_as_long_as_they_are_strong() -> N
     shafts, heads = arrows(ends, body.size, np.zeros(3))
     tip = (
         heads.positions[0]
-        + turned(heads.wxyzs[:1].astype(float), np.array([[0.0, 0.0, heads.scales[0, 2]]]))[0]
+        + _turned(heads.wxyzs[:1].astype(float), np.array([[0.0, 0.0, heads.scales[0, 2]]]))[0]
     )
     assert tip == pytest.approx(ends[0, 1], abs=1e-6)
     assert 2 * (shafts.scales[0, 2] + heads.scales[0, 2]) == pytest.approx(length, rel=1e-5)

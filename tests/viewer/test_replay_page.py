@@ -89,7 +89,7 @@ def browser(page: Replay, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         opened.open(f"{page.address}&fixedDpr=1")
         opened.until("document.body.innerText.includes('Time [s]')")
         opened.until("document.querySelectorAll('.u-over').length >= 4")
-        wait(lambda: len(np.unique(scene(opened).reshape(-1, 3), axis=0)) > 500, 30, "the body")
+        wait(lambda: len(np.unique(_scene(opened).reshape(-1, 3), axis=0)) > 500, 30, "the body")
         opened.run(
             "document.querySelectorAll('.mantine-Notification-closeButton').forEach(one =>"
             " one.click())"
@@ -97,35 +97,35 @@ def browser(page: Replay, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
         yield opened
 
 
-def scene(browser: Browser) -> np.ndarray:
+def _scene(browser: Browser) -> np.ndarray:
     """Return the pixels between the panels."""
     return browser.picture()[:, LEFT:RIGHT].astype(int)
 
 
-def changed(before: np.ndarray, after: np.ndarray) -> int:
+def _changed(before: np.ndarray, after: np.ndarray) -> int:
     """How many pixels are not what they were."""
     return int((np.abs(after - before).max(axis=2) > 24).sum())
 
 
-def settled(browser: Browser) -> np.ndarray:
+def _settled(browser: Browser) -> np.ndarray:
     """Return the pixels between the panels once they stay the same."""
-    before = scene(browser)
+    before = _scene(browser)
     for _ in range(60):
-        after = scene(browser)
-        if not changed(before, after):
+        after = _scene(browser)
+        if not _changed(before, after):
             return after
         before = after
     raise TimeoutError("the picture does not come to rest")
 
 
-def same_again(browser: Browser, before: np.ndarray) -> None:
+def _same_again(browser: Browser, before: np.ndarray) -> None:
     """Wait until the picture is what it was before."""
-    wait(lambda: changed(before, scene(browser)) < 60, 15, "the picture of before")
+    wait(lambda: _changed(before, _scene(browser)) < 60, 15, "the picture of before")
 
 
-def other(browser: Browser, before: np.ndarray, pixels: int = 100) -> None:
+def _other(browser: Browser, before: np.ndarray, pixels: int = 100) -> None:
     """Wait until so many pixels are not what they were before."""
-    wait(lambda: changed(before, scene(browser)) > pixels, 15, "another picture")
+    wait(lambda: _changed(before, _scene(browser)) > pixels, 15, "another picture")
 
 
 def focus(browser: Browser, label: str) -> None:
@@ -152,7 +152,7 @@ def click(browser: Browser, text: str) -> None:
 
 
 def test_the_slider_moves_the_pose(page: Replay, browser: Browser) -> None:
-    before = settled(browser)
+    before = _settled(browser)
     assert page.now == page.span[0]
     browser.run("document.querySelectorAll('[role=slider]')[0].focus()")
     browser.press("End")
@@ -161,14 +161,14 @@ def test_the_slider_moves_the_pose(page: Replay, browser: Browser) -> None:
         10,
         "the time of the slider's end",
     )
-    other(browser, before, 400)
+    _other(browser, before, 400)
     browser.press("Home")
     wait(
         lambda: page.now == pytest.approx(page.span[0], abs=2e-3),
         10,
         "the time of the slider's start",
     )
-    same_again(browser, before)
+    _same_again(browser, before)
 
 
 def test_it_plays_and_pauses(page: Replay, browser: Browser) -> None:
@@ -191,7 +191,7 @@ def test_it_plays_and_pauses(page: Replay, browser: Browser) -> None:
 
 def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
     page.seek(0.6)
-    before = settled(browser)
+    before = _settled(browser)
     focus(browser, "Find")
     browser.type("recfem_r")
     browser.until("document.body.innerText.includes('activation')")
@@ -209,7 +209,7 @@ def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
         " one.textContent).join('|'))"
     )
     browser.until(f"{rows}.includes({'|'.join(row)!r})")
-    other(browser, before)
+    _other(browser, before)
     focus(browser, "Find")
     browser.type("gluteus maximus left")
     wait(lambda: len(page.found[0]) == 2, 10, "both parts of the muscle")
@@ -220,28 +220,28 @@ def test_a_muscle_is_found_by_typing(page: Replay, browser: Browser) -> None:
     focus(browser, "Find")
     browser.press("Backspace")
     wait(lambda: not page.found[0], 10, "no muscle")
-    same_again(browser, before)
+    _same_again(browser, before)
 
 
 def test_a_layer_is_hidden(page: Replay, browser: Browser) -> None:
     page.seek(0.6)
-    before = settled(browser)
+    before = _settled(browser)
     page.toggle("muscles", False)
-    other(browser, before)
+    _other(browser, before)
     page.toggle("muscles", True)
-    same_again(browser, before)
+    _same_again(browser, before)
 
 
 def test_the_camera_looks_from_where_it_is_told(page: Replay, browser: Browser) -> None:
     page.seek(0.6)
-    before = settled(browser)
+    before = _settled(browser)
     click(browser, "Front")
-    other(browser, before, 300)
-    front = settled(browser)
+    _other(browser, before, 300)
+    front = _settled(browser)
     click(browser, "Right")
-    other(browser, front, 300)
+    _other(browser, front, 300)
     click(browser, "Front")
-    same_again(browser, front)
+    _same_again(browser, front)
 
 
 def test_a_picture_is_saved(page: Replay, browser: Browser, tmp_path: Path) -> None:
@@ -261,7 +261,7 @@ def test_another_recording_is_chosen(page: Replay, browser: Browser) -> None:
     page.choose(0, "second")
     browser.until("document.body.innerText.includes('another walk')")
     browser.until("document.querySelectorAll('.u-over').length >= 4")
-    assert len(np.unique(settled(browser).reshape(-1, 3), axis=0)) > 500
+    assert len(np.unique(_settled(browser).reshape(-1, 3), axis=0)) > 500
     assert page.now == page.span[0]
 
 

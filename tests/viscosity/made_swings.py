@@ -37,7 +37,16 @@ class Made:
         return parameters_of(pseudo)
 
     def lengthening(self, angles: np.ndarray) -> np.ndarray:
-        """(..., muscles, 3) arms that change with the pose."""
+        """Return moment arms that change with the pose.
+
+        Parameters
+        ----------
+        angles : (..., 3) [rad]
+
+        Returns
+        -------
+        (..., muscles, 3) d(length)/d(angle) [m/rad]
+        """
         turn = self.bend * np.roll(self.arms, 1, axis=1) * np.arange(1, len(self.arms) + 1)[:, None]
         return (
             self.arms
@@ -48,6 +57,17 @@ class Made:
         )
 
     def passive(self, angles: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Return the torque of dampers, springs and viscous muscles.
+
+        Parameters
+        ----------
+        angles : (..., 3) [rad]
+        rates : (..., 3) [rad/s]
+
+        Returns
+        -------
+        (..., 3) [N m]
+        """
         J = self.lengthening(angles)
         speeds = np.einsum("...ma,...a->...m", J, rates)
         return (
@@ -58,6 +78,16 @@ class Made:
 
 
 def skew(x: np.ndarray) -> np.ndarray:
+    """Return the matrices of cross products with vectors.
+
+    Parameters
+    ----------
+    x : (..., 3)
+
+    Returns
+    -------
+    (..., 3, 3)
+    """
     zero = np.zeros(x.shape[:-1])
     rows = [
         [zero, -x[..., 2], x[..., 1]],
@@ -68,7 +98,16 @@ def skew(x: np.ndarray) -> np.ndarray:
 
 
 def inertia_columns(x: np.ndarray) -> np.ndarray:
-    """(..., 3, 6) I x as a linear function of I_xx, I_yy, I_zz, I_yz, I_zx, I_xy."""
+    """Return I x as a linear function of I_xx, I_yy, I_zz, I_yz, I_zx, I_xy.
+
+    Parameters
+    ----------
+    x : (..., 3)
+
+    Returns
+    -------
+    (..., 3, 6)
+    """
     zero = np.zeros(x.shape[:-1])
     a, b, c = np.moveaxis(x, -1, 0)
     rows = [[a, zero, zero, zero, c, b], [zero, b, zero, c, zero, a], [zero, zero, c, b, a, zero]]
@@ -78,9 +117,17 @@ def inertia_columns(x: np.ndarray) -> np.ndarray:
 def limb_rows(
     rotations: np.ndarray, rates: np.ndarray, accelerations: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return wrench rows (frames, 6, 10) in ground and moment rows (frames, 3, 10) in the limb.
+    """Return the rows of wrench and moment of the limb's inertial parameters.
 
-    Rates are (frames, 3) in the limb.
+    Parameters
+    ----------
+    rotations : (frames, 3, 3) of the limb in ground
+    rates : (frames, 3) angular velocities in the limb [rad/s]
+    accelerations : (frames, 3) angular accelerations in the limb [rad/s^2]
+
+    Returns
+    -------
+    wrench (frames, 6, 10), moment and force in ground, and moment (frames, 3, 10) in the limb
     """
     frames = len(rotations)
     g = np.einsum("fji,j->fi", rotations, GRAVITY)
@@ -98,9 +145,19 @@ def swing(
 ) -> tuple[SwingRecording, ...]:
     """Simulate releases at 100 Hz.
 
-    They are from rotation vectors `start` (releases, 3) with angular velocity `rate` in the limb.
     Accelerations are those of the states, so the equations hold exactly; the states are Runge and
     Kutta's.
+
+    Parameters
+    ----------
+    made : limb and joint
+    start : (releases, 3) rotation vectors [rad]
+    rate : (releases, 3) angular velocities in the limb [rad/s]
+    seconds : length of each release [s]
+
+    Returns
+    -------
+    the recording of each release
     """
     I = inertia_matrices(made.parameters)
     h = made.parameters[1:4]

@@ -58,9 +58,15 @@ def released() -> dict[str, list[SwingRecording]]:
 
 
 def moment_arms(angles: Array) -> Array:
-    """Return moment arms (frames, muscles, 3), d(length)/d(angle) [m/rad].
+    """Return moment arms that change with the pose.
 
-    They change with the pose.
+    Parameters
+    ----------
+    angles : (frames, 3) [rad]
+
+    Returns
+    -------
+    (frames, muscles, 3) d(length)/d(angle) [m/rad]
     """
     level = np.array(
         [

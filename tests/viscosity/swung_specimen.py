@@ -194,9 +194,16 @@ class Swung:
 
 
 def limb_parameters(specimen: Specimen, held: dict[str, float]) -> Array:
-    """Return parameters (10,) of all bones of the limb about the joint's center.
+    """Return inertial parameters of all bones of the limb about the joint's center.
 
-    They are along the humerus' axes, at held angles.
+    Parameters
+    ----------
+    specimen : with its limb
+    held : angles of coordinates by name, 0 for the others [rad]
+
+    Returns
+    -------
+    (10,) along the humerus' axes
     """
     model = specimen.model
     tree = compile_tree(model)
@@ -308,7 +315,19 @@ def _turn_onto(one: Array, other: Array) -> Array:
 def markers_of(
     specimen: Specimen, time: Array, rotations: Array, held: dict[str, float]
 ) -> Markers:
-    """Where the clusters are while the humerus has rotations (frames, 3, 3) in ground."""
+    """Return where the clusters are while the humerus rotates.
+
+    Parameters
+    ----------
+    specimen : with its markers
+    time : (frames,) [s]
+    rotations : (frames, 3, 3) of the humerus in ground
+    held : angles of the other coordinates by name, 0 where none is given [rad]
+
+    Returns
+    -------
+    Markers of all clusters in ground [m]
+    """
     model = specimen.model
     center = Transform(np.eye(3), specimen.center)
     in_limb = Transform(np.eye(3), specimen.center_in_limb)

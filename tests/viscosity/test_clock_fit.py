@@ -36,7 +36,7 @@ def swing(seconds: float = 31.0):
     return 0.0005 * np.arange(len(rotations)), rotations
 
 
-def base_rows(time: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+def _base_rows(time: np.ndarray, rotations: np.ndarray) -> np.ndarray:
     """Return rows (frames, 6, 10) of moment and force on the base.
 
     Unit mass, first and second moments of mass cause them.
@@ -63,7 +63,7 @@ def base_rows(time: np.ndarray, rotations: np.ndarray) -> np.ndarray:
 @pytest.fixture(scope="module")
 def truth():
     time, rotations = swing()
-    rows = base_rows(time, rotations)
+    rows = _base_rows(time, rotations)
     middle = np.array([0.01, 0.02, -0.4])
     mass = 2.5
     second = np.diag(0.5 * (0.135 - 2 * np.array([0.06, 0.065, 0.01]))) + mass * np.outer(
@@ -107,7 +107,7 @@ def recorded(
     cross[:, 1, 2] = -turns[:, 0]
     noisy = frames + (cross - np.swapaxes(cross, 1, 2)) @ frames
     time = 0.005 * np.arange(len(frames))
-    return time, base_rows(time, noisy), own, there
+    return time, _base_rows(time, noisy), own, there
 
 
 @pytest.mark.parametrize(("offset", "drift"), [(0.0, 0.0), (0.0123, 40e-6), (-0.2, -120e-6)])

@@ -19,7 +19,7 @@ RATE = 200.0
 TIME = np.arange(0.0, 30.0, 1.0 / RATE)
 
 
-def decaying(frequency: float, noise: float, seed: int = 0) -> np.ndarray:
+def _decaying(frequency: float, noise: float, seed: int = 0) -> np.ndarray:
     random = np.random.default_rng(seed)
     return np.exp(-0.1 * TIME) * np.sin(
         2.0 * np.pi * frequency * TIME
@@ -27,15 +27,15 @@ def decaying(frequency: float, noise: float, seed: int = 0) -> np.ndarray:
 
 
 def test_the_noise_of_a_signal_is_found_again():
-    found = residual_analysis("angle", [decaying(0.7, 0.004), decaying(0.8, 0.004, 1)], RATE)
+    found = residual_analysis("angle", [_decaying(0.7, 0.004), _decaying(0.8, 0.004, 1)], RATE)
     assert found.noise == pytest.approx(0.004, rel=0.05)
     assert 0.5 < found.band < 3.0
     assert found.band < found.cutoff < 10.0
 
 
 def test_a_faster_motion_asks_for_a_higher_cutoff():
-    slow = residual_analysis(f"{0.7:g}", [decaying(0.7, 0.004)], RATE)
-    fast = residual_analysis(f"{4.0:g}", [decaying(4.0, 0.004)], RATE)
+    slow = residual_analysis(f"{0.7:g}", [_decaying(0.7, 0.004)], RATE)
+    fast = residual_analysis(f"{4.0:g}", [_decaying(4.0, 0.004)], RATE)
     assert fast.cutoff > 2.0 * slow.cutoff
     choice = choice_of([slow, fast])
     assert choice.cutoff == fast.cutoff
@@ -48,7 +48,7 @@ def test_a_choice_stays_within_its_limits():
         "still", [1e-3 * np.random.default_rng(2).standard_normal(len(TIME))], RATE
     )
     assert choice_of([still]).cutoff == MIN_CUTOFF
-    quick = residual_analysis("quick", [decaying(18.0, 1e-4)], RATE)
+    quick = residual_analysis("quick", [_decaying(18.0, 1e-4)], RATE)
     assert choice_of([quick]).cutoff == MAX_CUTOFF
 
 

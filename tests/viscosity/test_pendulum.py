@@ -22,7 +22,7 @@ TORQUES = {
 }
 
 
-def pendulum(torque, start: float = 0.35) -> np.ndarray:
+def _pendulum(torque, start: float = 0.35) -> np.ndarray:
     """Rate of a pendulum let go from an angle [rad/s]."""
 
     def slope(_time, state):
@@ -36,7 +36,7 @@ def pendulum(torque, start: float = 0.35) -> np.ndarray:
 @pytest.mark.parametrize("terms", TORQUES)
 def test_the_damping_that_acted_is_chosen(terms):
     noise = 0.01 * np.random.default_rng(0).standard_normal(len(TIME))
-    fits = compare_decays(TIME, 0.2 + pendulum(TORQUES[terms]) + noise)
+    fits = compare_decays(TIME, 0.2 + _pendulum(TORQUES[terms]) + noise)
     best = min(fits, key=lambda one: one.bic)
     assert best.terms == terms
     assert best.period == pytest.approx(2.0 * np.pi * np.sqrt(INERTIA / WEIGHT), rel=4e-4)
@@ -44,11 +44,11 @@ def test_the_damping_that_acted_is_chosen(terms):
 
 
 def test_coefficients_are_those_of_the_torque():
-    fit = fit_decay(TIME, pendulum(TORQUES["viscous", "coulomb"], 0.2), ("viscous", "coulomb"))
+    fit = fit_decay(TIME, _pendulum(TORQUES["viscous", "coulomb"], 0.2), ("viscous", "coulomb"))
     assert fit.viscosity(INERTIA) == pytest.approx(0.02, rel=0.02)
     assert fit.friction(WEIGHT) == pytest.approx(0.02, rel=0.03)
     assert fit.signal_per_radian() == pytest.approx(np.sqrt(WEIGHT / INERTIA), rel=0.02)
-    ratio = fit_decay(TIME, pendulum(TORQUES[("viscous",)])).damping_ratio
+    ratio = fit_decay(TIME, _pendulum(TORQUES[("viscous",)])).damping_ratio
     assert ratio == pytest.approx(0.05 / (2.0 * np.sqrt(WEIGHT * INERTIA)), rel=0.01)
 
 

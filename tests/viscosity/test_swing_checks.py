@@ -22,7 +22,7 @@ def sound() -> list:
     return released()["viscosity"]
 
 
-def with_constant(recordings: list, constant: np.ndarray) -> list:
+def _with_constant(recordings: list, constant: np.ndarray) -> list:
     return [replace(one, wrench=one.wrench + constant) for one in recordings]
 
 
@@ -38,7 +38,7 @@ def test_the_constant_wrench_of_a_sound_plate_is_the_limbs(sound):
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_a_plate_tared_with_the_limb_on_it_is_named(sound, side):
     hanging = np.concatenate([np.zeros(3), -LIMB[0] * GRAVITY])
-    tared = with_constant(sound, -hanging)
+    tared = _with_constant(sound, -hanging)
     if side < 0:
         tared = [replace(one, wrench=-one.wrench, wrench_rows=-one.wrench_rows) for one in tared]
     (found,) = recording_findings(tared)
@@ -49,7 +49,7 @@ def test_a_plate_tared_with_the_limb_on_it_is_named(sound, side):
 
 
 def test_the_viscosity_survives_a_hidden_mass(sound):
-    tared = with_constant(sound, np.concatenate([np.zeros(3), LIMB[0] * GRAVITY]))
+    tared = _with_constant(sound, np.concatenate([np.zeros(3), LIMB[0] * GRAVITY]))
     found = identify_specimen(
         "hidden", tared, [], options=ViscosityOptions(tare="unknown", draws=20)
     )
@@ -59,7 +59,7 @@ def test_the_viscosity_survives_a_hidden_mass(sound):
 
 
 def test_a_zero_that_is_off_is_named(sound):
-    (found,) = recording_findings(with_constant(sound, np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0])))
+    (found,) = recording_findings(_with_constant(sound, np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0])))
     assert found.kind == "zero"
     assert "1.50 N m" in found.text
 

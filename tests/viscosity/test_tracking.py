@@ -41,7 +41,7 @@ def with_markers(trial: SwingTrial, change) -> SwingTrial:
     return replace(trial, markers=replace(trial.markers, values=values))
 
 
-def rotations(tracked: TrackedSpecimen, trial: int = 0) -> Array:
+def _rotations(tracked: TrackedSpecimen, trial: int = 0) -> Array:
     """(frames, 3, 3) of the humerus in ground."""
     pendulum = compile_tree(tracked.specimen.pendulum)
     return forward_kinematics(
@@ -49,7 +49,7 @@ def rotations(tracked: TrackedSpecimen, trial: int = 0) -> Array:
     ).rotations[:, 1]
 
 
-def apart(one: Array, other: Array) -> Array:
+def _apart(one: Array, other: Array) -> Array:
     """(frames,) angles between rotations [degrees]."""
     return np.degrees(2.0 * np.arcsin(np.linalg.norm(one - other, axis=(1, 2)) / np.sqrt(8.0)))
 
@@ -57,7 +57,7 @@ def apart(one: Array, other: Array) -> Array:
 def test_exact_markers_give_the_exact_motion_base_and_held_angles():
     truth = swung()
     tracked = track(SPECIMEN, [truth.trial], MARKERS_ONLY)
-    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     assert tracked.held == pytest.approx(HELD, abs=1e-7)
     np.testing.assert_allclose(
         tracked.specimen.center_in_ground, SPECIMEN.center_in_ground, atol=1e-8
@@ -78,7 +78,7 @@ def test_noise_of_a_third_of_a_millimeter():
     tracked = track(SPECIMEN, [noisy], MARKERS_ONLY)
     error = np.degrees(
         Rotation.from_matrix(
-            np.einsum("fji,fjk->fik", truth.rotations, rotations(tracked))
+            np.einsum("fji,fjk->fik", truth.rotations, _rotations(tracked))
         ).as_rotvec()
     )
     # About the humerus' length the clusters' width counts, about the others the limb's length.
@@ -103,7 +103,7 @@ def test_a_turned_laboratory_changes_nothing():
     np.testing.assert_allclose(
         there.trials[0].motion.values, here.trials[0].motion.values, atol=1e-7
     )
-    np.testing.assert_allclose(rotations(there), turn @ rotations(here), atol=1e-7)
+    np.testing.assert_allclose(_rotations(there), turn @ _rotations(here), atol=1e-7)
     moved = here.trials[0].wrench.reshape(-1, 2, 3) @ turn.T
     np.testing.assert_allclose(there.trials[0].wrench.reshape(-1, 2, 3), moved, atol=1e-6)
 
@@ -114,7 +114,7 @@ def test_a_base_whose_angles_would_be_singular_is_tracked_as_any_other():
         truth = swung()
         turned = replace(truth.trial, markers=truth.trial.markers.rotated(turn))
         tracked = track(SPECIMEN, [turned], MARKERS_ONLY)
-        assert apart(rotations(tracked), turn @ truth.rotations).max() < 1e-5
+        assert _apart(_rotations(tracked), turn @ truth.rotations).max() < 1e-5
 
 
 @pytest.mark.parametrize("part", [slice(None), slice(200, 420)])
@@ -130,7 +130,7 @@ def test_swapped_markers_are_put_right(one, other, part):
         values[part, column[other]] = first
 
     tracked = track(SPECIMEN, [with_markers(truth.trial, exchange)], MARKERS_ONLY)
-    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     (note,) = tracked.trials[0].notes
     assert f"'{one}' and '{other}'" in note
     assert "put right" in note
@@ -147,7 +147,7 @@ def test_two_clusters_with_swapped_markers_at_once():
             values[:, a], values[:, b] = values[:, b].copy(), values[:, a].copy()
 
     tracked = track(SPECIMEN, [with_markers(truth.trial, exchange)], MARKERS_ONLY)
-    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     assert len(tracked.trials[0].notes) == 2
 
 
@@ -159,7 +159,7 @@ def test_a_lost_marker_leaves_the_bone_solved():
         values[300:350, column["scapula_1"]] = np.nan
 
     tracked = track(SPECIMEN, [with_markers(truth.trial, hide)], MARKERS_ONLY)
-    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     notes = " ".join(tracked.trials[0].notes)
     assert (
         "'humerus_2' is unseen in 300 frames between 0.50 and 2.00 s; 'humerus' has 2 left" in notes
@@ -174,7 +174,7 @@ def test_a_whole_cluster_lost_follows_the_bones_beside_it():
             values[200:400, column[f"humerus_{i}"]] = np.nan
 
     tracked = track(SPECIMEN, [with_markers(truth.trial, hide)], MARKERS_ONLY)
-    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     assert any("'humerus' has 0 left" in note for note in tracked.trials[0].notes)
     assert not tracked.slips
 
@@ -206,7 +206,7 @@ def test_a_marker_that_is_not_on_its_bone_is_left_out():
         ],
         MARKERS_ONLY,
     )
-    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     assert any(
         "'radius_1' is off its cluster in 100 frames" in note for note in tracked.trials[0].notes
     )
@@ -237,7 +237,7 @@ def test_a_wire_that_slips_is_named_and_followed(joint, by):
     assert (slip.trial, slip.what, slip.lasting) == ("swing", joint, True)
     assert slip.time == pytest.approx(1.8, abs=0.05)
     assert slip.amount == pytest.approx(abs(by), rel=0.05)
-    assert apart(rotations(tracked), truth.rotations).max() < 1e-3
+    assert _apart(_rotations(tracked), truth.rotations).max() < 1e-3
     assert any("a wire slipped" in note for note in tracked.trials[0].notes)
     assert not tracked.trials[1].notes
 
@@ -268,7 +268,7 @@ def test_a_cluster_that_slips_is_named_by_its_bone_and_put_back(bone):
     assert found.amount == pytest.approx(5e-3, rel=0.15)
     assert found.time == pytest.approx(1.65, abs=0.01)
     for number in range(2):
-        assert apart(rotations(tracked, number), truth.rotations).max() < 0.02
+        assert _apart(_rotations(tracked, number), truth.rotations).max() < 0.02
     assert f"the cluster of '{bone}' slips on its bone by" in tracked.trials[0].notes[0]
 
 
@@ -280,7 +280,7 @@ def test_a_base_that_moves_on_its_plate_is_named_and_followed():
     assert (slip.what, slip.unit) == ("base", "m")
     assert slip.amount == pytest.approx(0.006, rel=0.01)
     assert "the base moves by 6.0 mm, most at 1.75 s" in tracked.trials[0].notes[0]
-    assert apart(rotations(tracked), truth.rotations).max() < 1e-3
+    assert _apart(_rotations(tracked), truth.rotations).max() < 1e-3
 
 
 def test_what_moves_between_two_trials_is_named_and_followed():
@@ -294,7 +294,7 @@ def test_what_moves_between_two_trials_is_named_and_followed():
     )
     found = {(slip.trial, slip.what, slip.before) for slip in tracked.slips}
     assert found >= {("later", "elbow", True), ("later", "base", True)}
-    assert apart(rotations(tracked, 2), truth.rotations).max() < 1e-3
+    assert _apart(_rotations(tracked, 2), truth.rotations).max() < 1e-3
     assert any(
         "'elbow' is 3.8 degrees away from its position in the other" in one
         for one in tracked.trials[2].notes
@@ -371,7 +371,7 @@ def test_a_center_beside_the_model_is_told_and_can_be_used():
     used = track(wrong, [truth.trial], replace(MARKERS_ONLY, center="motion"))
     np.testing.assert_allclose(used.specimen.center, SPECIMEN.center, atol=1e-8)
     np.testing.assert_allclose(used.specimen.center_in_limb, SPECIMEN.center_in_limb, atol=1e-8)
-    assert apart(rotations(used), truth.rotations).max() < 1e-5
+    assert _apart(_rotations(used), truth.rotations).max() < 1e-5
 
 
 def test_a_hinge_is_tracked_through_whole_turns():
@@ -422,7 +422,7 @@ def test_markers_swapped_in_a_cluster_of_two_like_sides_are_put_right(bone, part
         )
 
     tracked = track(specimen, [with_markers(trial, exchange)], MARKERS_ONLY)
-    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     (note,) = tracked.trials[0].notes
     assert f"'{bone}_2' and '{bone}_3' bear each other's names" in note
 
@@ -447,7 +447,7 @@ def test_markers_that_blink_are_told_in_one_line():
         values[rng.random(values.shape[:2]) < 0.03] = np.nan
 
     tracked = track(SPECIMEN, [with_markers(truth.trial, blink)], MARKERS_ONLY)
-    assert apart(rotations(tracked), truth.rotations).max() < 1e-5
+    assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     assert not tracked.slips
     (note,) = tracked.trials[0].notes
     assert "15 markers are unseen now and then" in note
@@ -474,7 +474,7 @@ def test_the_thoracoscapular_shoulder_with_a_hand_that_its_model_welds(data):
     markers = markers_of(specimen, time, turned, held)
     tracked = track(specimen, [replace(swung().trial, markers=markers)], MARKERS_ONLY)
     assert tracked.held == pytest.approx(held, abs=1e-7)
-    assert apart(rotations(tracked), turned).max() < 1e-5
+    assert _apart(_rotations(tracked), turned).max() < 1e-5
 
 
 def test_places_of_markers_and_the_center_come_from_the_motion_where_the_model_has_them_wrong():

@@ -93,6 +93,12 @@ def test_a_line_can_be_read_back_from_its_drawing() -> None:
     [np.full(5, np.nan), np.zeros(5), np.array([1.0, np.nan, 2.0, np.inf, 3.0]), np.zeros(0)],
 )
 def test_odd_values_still_make_a_drawing(values: np.ndarray) -> None:
+    """Values that are missing, constant, infinite or none.
+
+    Parameters
+    ----------
+    values : (frames,)
+    """
     drawing = time_plot(
         "<odd> & 'quoted'",
         "N",
@@ -138,7 +144,7 @@ def test_pooling_keeps_the_largest() -> None:
     assert found.max(axis=0) == pytest.approx(values.max(axis=0))
 
 
-def indices(image: bytes) -> np.ndarray:
+def _indices(image: bytes) -> np.ndarray:
     """Palette indices of a PNG with filter 0."""
     width = int.from_bytes(image[16 : 16 + 4], "big")
     height = int.from_bytes(image[20 : 20 + 4], "big")
@@ -153,7 +159,7 @@ def indices(image: bytes) -> np.ndarray:
 
 def test_a_picture_holds_its_pixels() -> None:
     pixels = np.random.default_rng(0).integers(0, 256, (7, 5), dtype=np.uint8)
-    assert np.array_equal(indices(png(pixels, HEAT)), pixels)
+    assert np.array_equal(_indices(png(pixels, HEAT)), pixels)
 
 
 def test_a_color_of_the_heat_map_names_its_value() -> None:

@@ -211,7 +211,7 @@ def test_pictures_share_one_scale() -> None:
     assert all(one.image.startswith(b"\x89PNG") for one in found)
 
 
-def decoded(text: str, kind: str) -> np.ndarray:
+def _decoded(text: str, kind: str) -> np.ndarray:
     return np.frombuffer(base64.b64decode(text), kind)
 
 
@@ -223,22 +223,22 @@ def test_the_player_holds_the_scene() -> None:
     assert "</script" not in text
     told = json.loads(text)
     assert told["names"] == ["</script><b>"]
-    points = decoded(told["points"], "<i2").reshape(20, -1, 3)
+    points = _decoded(told["points"], "<i2").reshape(20, -1, 3)
     assert points.min() > HIDDEN
     assert np.array(told["middle"]) + points * told["step"] == pytest.approx(
         scene.muscles[0].points, abs=1.01 * told["step"]
     )
-    poses = decoded(told["poses"], "<f4").reshape(20, told["poseCount"], 12)
+    poses = _decoded(told["poses"], "<f4").reshape(20, told["poseCount"], 12)
     assert poses[:, 0, 9:] == pytest.approx(scene.origins[:, 1], abs=1e-6)
     assert max(told["bodies"]) < told["poseCount"]
     solid = told["solids"][0]
     vertices = (
-        np.array(solid["low"]) + decoded(solid["vertices"], "<i2").reshape(-1, 3) * solid["step"]
+        np.array(solid["low"]) + _decoded(solid["vertices"], "<i2").reshape(-1, 3) * solid["step"]
     )
     assert np.ptp(vertices, axis=0) == pytest.approx(
         np.ptp(scene.solids[0].surface.vertices, axis=0), rel=0.05
     )
-    assert decoded(solid["faces"], "<u2").max() < len(vertices)
+    assert _decoded(solid["faces"], "<u2").max() < len(vertices)
 
 
 def test_the_player_keeps_to_its_budget() -> None:
@@ -261,7 +261,7 @@ def test_the_player_keeps_to_its_budget() -> None:
     mesh = Mesh("dense.stl", IDENTITY, np.ones(3))
     heavy = replace(body, bodies=tuple(replace(one, meshes=(mesh,)) for one in body.bodies))
     told = json.loads(player(make_scene(heavy, motion(body), [0], {"dense.stl": dense})))
-    total = sum(len(decoded(one["faces"], "<u2")) for one in told["solids"]) / 3
+    total = sum(len(_decoded(one["faces"], "<u2")) for one in told["solids"]) / 3
     assert 1000 < total <= MAX_TRIANGLES
 
 

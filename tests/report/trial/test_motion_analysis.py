@@ -51,7 +51,7 @@ from walker import GRAVITY, Tension, everything, model, motion, steps
 WEIGHT = 60.0 * GRAVITY
 
 
-def contact_forces(time: np.ndarray) -> ContactForces:
+def _contact_forces(time: np.ndarray) -> ContactForces:
     """Two sites of one foot and a grip on another body, half a body weight up at each sole."""
     sites = (
         Site("heel_r", "tibia_r", np.zeros((1, 3)), group="foot_r"),
@@ -294,14 +294,14 @@ def test_pictures_stand_near_their_times_and_apart() -> None:
 
 def test_groups_add_their_sites_and_stand_beside_what_was_measured() -> None:
     time = np.arange(0.0, 2.0, 0.01)
-    given = shown("x", wrenches=steps(time, WEIGHT), forces=contact_forces(time))
-    foot, hand = groups_of(contact_forces(time), compared_with_plates(given))
+    given = shown("x", wrenches=steps(time, WEIGHT), forces=_contact_forces(time))
+    foot, hand = groups_of(_contact_forces(time), compared_with_plates(given))
     assert (foot.name, foot.label, hand.against) == ("foot_r", "Right foot", "pelvis")
     np.testing.assert_allclose(foot.forces[:, 1], WEIGHT)
     assert foot.measured is not None
     assert np.nanmax(foot.measured[:, 1]) == pytest.approx(WEIGHT, rel=1e-3)
     assert np.isnan(foot.measured[0]).all(), "no plate carries the foot before 0.2 s"
-    together = group_forces(contact_forces(time))
+    together = group_forces(_contact_forces(time))
     assert together.names[0] == "foot_r"
     np.testing.assert_allclose(together.points[:, 0], [[0.1, 0.0, 0.1]] * len(time))
     np.testing.assert_allclose(together.forces[:, 1:].sum(axis=1), 0.0, atol=1e-12)
@@ -311,7 +311,7 @@ HEEL_AND_TOE = ("heel_r", "toe_r")
 UP = np.array([0.0, 1.0, 0.0])
 
 
-def shared_plate(time: np.ndarray) -> tuple[ContactForces, np.ndarray]:
+def _shared_plate(time: np.ndarray) -> tuple[ContactForces, np.ndarray]:
     """Make a heel and a toe that share a body weight, and what their plate measured."""
     sites = tuple(Site(name, "tibia_r", np.zeros((1, 3))) for name in HEEL_AND_TOE)
     force = np.zeros((len(time), 2, 3))
@@ -331,7 +331,7 @@ def shared_plate(time: np.ndarray) -> tuple[ContactForces, np.ndarray]:
 def test_contacts_on_one_plate_are_compared_with_it_together() -> None:
     """A heel and a toe that share a plate are each far from it, and their sum is not."""
     time = np.arange(0.0, 2.0, 0.01)
-    estimated, measured = shared_plate(time)
+    estimated, measured = _shared_plate(time)
     plate = Wrenches(
         time=time,
         names=("plate 1",),
@@ -340,7 +340,7 @@ def test_contacts_on_one_plate_are_compared_with_it_together() -> None:
         points=0 * measured[:, None],
         torques=0 * measured[:, None],
     )
-    off = off_of(measured[:, 1] - WEIGHT, time >= 0.0)
+    off = _off_of(measured[:, 1] - WEIGHT, time >= 0.0)
     by_bodies = shown("x", wrenches=plate, forces=estimated)
     told = having(by_bodies, on_plates=(PlateForce("plate 1", HEEL_AND_TOE, measured),))
     for given in (by_bodies, told):
@@ -353,7 +353,7 @@ def test_contacts_on_one_plate_are_compared_with_it_together() -> None:
 
 def test_a_contact_alone_on_its_plate_is_shown_beside_it() -> None:
     time = np.arange(0.0, 2.0, 0.01)
-    estimated, measured = shared_plate(time)
+    estimated, measured = _shared_plate(time)
     early = (time < 1.0)[:, None]
     parts = (
         PlateForce("plate 1", ("heel_r",), np.where(early, measured, np.nan)),
@@ -366,10 +366,10 @@ def test_a_contact_alone_on_its_plate_is_shown_beside_it() -> None:
     np.testing.assert_array_equal(np.isfinite(heel.measured[:, 1]), time < 1.0)
     (_, both) = comparisons
     assert both.plates == ("plate 1",)
-    assert both.rms(UP) == pytest.approx(off_of(measured[:, 1] - WEIGHT, time >= 1.0), rel=1e-6)
+    assert both.rms(UP) == pytest.approx(_off_of(measured[:, 1] - WEIGHT, time >= 1.0), rel=1e-6)
 
 
-def off_of(values: np.ndarray, where: np.ndarray) -> float:
+def _off_of(values: np.ndarray, where: np.ndarray) -> float:
     """Root mean square of some values."""
     return float(np.sqrt(np.mean(values[where] ** 2)))
 
@@ -392,7 +392,7 @@ def test_impacts_are_a_table() -> None:
             replace(SURE, time=0.5),
             replace(SURE, site="stick_l", low=np.nan, high=np.nan, confidence=0.5),
         ),
-        forces=contact_forces(everything().dynamics.wrenches.time),
+        forces=_contact_forces(everything().dynamics.wrenches.time),
     )
     panel = next(one for one in analysis_sections(prepare(given)) if one.key == "contact-forces")
     (table,) = [grid for grid in panel.grids if grid.title == "Impacts heard: 2"]
@@ -402,12 +402,12 @@ def test_impacts_are_a_table() -> None:
 
 def test_what_acts_is_what_was_estimated_and_what_was_measured_elsewhere() -> None:
     time = np.arange(0.0, 2.0, 0.01)
-    given = shown("x", wrenches=steps(time, WEIGHT), forces=contact_forces(time))
+    given = shown("x", wrenches=steps(time, WEIGHT), forces=_contact_forces(time))
     acting = acting_forces(given)
     assert acting is not None
     assert "plate 1" not in acting.names
     assert "plate 2" not in acting.names
-    apart = having(given, forces=replace(contact_forces(time), sites=_elsewhere(time)))
+    apart = having(given, forces=replace(_contact_forces(time), sites=_elsewhere(time)))
     acting = acting_forces(apart)
     assert acting is not None
     assert {"plate 1", "plate 2"} <= set(acting.names)
@@ -463,7 +463,7 @@ def test_a_measured_force_acts_while_nothing_is_estimated_in_its_place() -> None
 
 def _elsewhere(time: np.ndarray) -> tuple[Site, ...]:
     return tuple(
-        replace(one, body="pelvis", against="ground") for one in contact_forces(time).sites
+        replace(one, body="pelvis", against="ground") for one in _contact_forces(time).sites
     )
 
 
@@ -473,7 +473,7 @@ def test_residuals_are_held_against_the_limits() -> None:
     Frames with infeasible contacts count.
     """
     time = np.arange(0.0, 1.0, 0.01)
-    force = contact_forces(time)
+    force = _contact_forces(time)
     names = (
         "residual_FX",
         "residual_FY",
@@ -519,7 +519,7 @@ class Open:
 def test_the_panel_of_contact_forces() -> None:
     given = everything()
     time = given.dynamics.wrenches.time
-    forces = contact_forces(time)
+    forces = _contact_forces(time)
     told = having(
         given,
         forces=forces,

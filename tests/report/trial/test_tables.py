@@ -9,7 +9,7 @@ from myomorph.lab.report.trial import tables
 from walker import GRAVITY, Tension, fitted, model, motion
 
 
-def flat(time: np.ndarray, force: float) -> Wrenches:
+def _flat(time: np.ndarray, force: float) -> Wrenches:
     forces = np.zeros((len(time), 1, 3))
     forces[:, 0, 1] = force
     return Wrenches(
@@ -62,7 +62,8 @@ def test_residuals_follow_hicks() -> None:
     values[20, body.coordinate_names.index("pelvis_tilt")] = 12.0
     torques = Series(time, body.coordinate_names, values)
     rows = {
-        one.quantity: one for one in tables.residual_verdicts(body, torques, flat(time, 800.0), 1.0)
+        one.quantity: one
+        for one in tables.residual_verdicts(body, torques, _flat(time, 800.0), 1.0)
     }
     peak = rows["Residual force, peak"]
     assert (peak.value, peak.state, peak.time) == (
@@ -95,7 +96,7 @@ def test_a_step_beside_the_plates_is_suggested() -> None:
     )
     assert "beside the plates" in peak.detail
     peak, *_ = tables.residual_verdicts(
-        body, Series(time, body.coordinate_names, values), flat(time, 600.0), 1.0
+        body, Series(time, body.coordinate_names, values), _flat(time, 600.0), 1.0
     )
     assert "beside the plates" not in peak.detail
 

@@ -102,7 +102,7 @@ def test_a_study_file_that_was_changed_is_not_lost(tmp_path: Path) -> None:
     assert study.read_text(encoding="utf-8") == changed
 
 
-def forces_of(force: np.ndarray, path: Path, under: float = 0.5) -> Path:
+def _forces_of(force: np.ndarray, path: Path, under: float = 0.5) -> Path:
     """Write a table of one plate's forces under the standing body.
 
     `under` is the share of the way from the left heel to the right one.
@@ -158,7 +158,7 @@ def test_the_plan_is_read_as_it_was_written(tmp_path: Path) -> None:
 def test_what_belongs_to_one_recording_is_refused_for_two(tmp_path: Path) -> None:
     for name in ("a", "b"):
         write_trc(standing(0.3), tmp_path / f"{name}.trc")
-    loads = ByType(LoadsFile(forces_of(np.full(20, 700.0), tmp_path / "x.mot")))
+    loads = ByType(LoadsFile(_forces_of(np.full(20, 700.0), tmp_path / "x.mot")))
     request = AnalyzeRequest((tmp_path / "a.trc", tmp_path / "b.trc"), 70.0, inputs=loads)
     with pytest.raises(
         BadData, match=r"--loads .*x\.mot: it belongs to one recording, and there are 2"
@@ -182,13 +182,13 @@ def test_plates_weigh_somebody_who_stands_still(tmp_path: Path) -> None:
         ("drift", steady * np.linspace(1.0, 1.06, 20)),
         ("swaying", steady * (1.0 + 0.1 * random.random(20))),
     ):
-        forces_of(force, tmp_path / "static_grf.mot")
+        _forces_of(force, tmp_path / "static_grf.mot")
         with pytest.raises(BadData, match="no plate weighs"):
             prepare_request(request, tmp_path / name)
-    forces_of(0.5 * steady, tmp_path / "static_grf.mot", under=0.0)
+    _forces_of(0.5 * steady, tmp_path / "static_grf.mot", under=0.0)
     with pytest.raises(BadData, match="no plate weighs"):
         prepare_request(request, tmp_path / "one_foot")
-    forces_of(steady, tmp_path / "static_grf.mot")
+    _forces_of(steady, tmp_path / "static_grf.mot")
     prepared = prepare_request(request, tmp_path / "out")
     assert (
         prepared.assumed[0]
@@ -203,7 +203,7 @@ def test_a_plate_under_two_feet_is_shared(tmp_path: Path) -> None:
     write_trc(body, tmp_path / "walk.trc")
     for under, contacts in ((0.5, ContactsFile("auto", "shared")), (0.02, ContactsFile())):
         force = np.full(1 + int(body.time[-1] / 0.01), 690.0)
-        forces_of(force, tmp_path / "walk_grf.mot", under=under)
+        _forces_of(force, tmp_path / "walk_grf.mot", under=under)
         prepared = prepare_request(
             AnalyzeRequest((tmp_path / "walk.trc",), 70.0), tmp_path / f"{under}"
         )
@@ -213,7 +213,7 @@ def test_a_plate_under_two_feet_is_shared(tmp_path: Path) -> None:
 
 def test_keys_from_python_are_those_of_study_files(tmp_path: Path) -> None:
     write_trc(standing(0.3), tmp_path / "walk.trc")
-    loads = forces_of(np.full(20, 690.0), tmp_path / "plates.mot")
+    loads = _forces_of(np.full(20, 690.0), tmp_path / "plates.mot")
     keys = {"loads": str(loads), "emg_side": "left", "contact_points": "auto", "time": (0.05, 0.15)}
     prepared = prepare_study([tmp_path / "walk.trc"], tmp_path / "out", 70.0, keys=keys)
     trial = read_plan(prepared.study).trials[0]
