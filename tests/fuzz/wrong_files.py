@@ -1,10 +1,10 @@
 """Give readers wrong files, in a process of its own.
 
-    python wrong_files.py FOLDER (--examples N | --seconds S)
+    python wrong_files.py FOLDER (--examples N | --inputs N)
 
 With `--examples` every reader that needs no process for each file gets so many, the same ones every
-time; with `--seconds` one `--reader` gets files for so long, guided by the code that they reach
-where the package atheris is installed. Printed are `begins with READER`, the number of files and
+time; with `--inputs` one `--reader` gets so many, guided by the code that they reach where the
+package atheris is installed. Printed are `begins with READER`, the number of files and
 the slowest now and then, and each finding once: whatever came out but a `MyomorphError` of one
 line. The process ends where a file takes longer than `LIMIT`.
 """
@@ -19,13 +19,13 @@ import sys
 import time
 import traceback
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 from types import FunctionType
 
 import psutil
 from fuzz_readers import READERS, SEEDS, Reader, recordings
-from hypothesis import HealthCheck, Phase, given, seed, settings
-from wrong_bytes import MAX_BYTES, wrong_files
+from wrong_bytes import MAX_CHOICES, Choices, ProvidedChoices, RandomChoices, wrong_file
 
 from myomorph.core.io.parsing.guard import limit_memory
 from myomorph.core.model.errors import MyomorphError
@@ -36,12 +36,8 @@ MEMORY = 1.5
 """Most memory that reading may take beyond what the program has at the start [GiB]."""
 LONGEST_MESSAGE = 21_000
 """Characters of an error."""
-QUIET = {
-    "deadline": None,
-    "database": None,
-    "phases": (Phase.generate,),
-    "suppress_health_check": list(HealthCheck),
-}
+WATCHED = 1.0
+"""The watch for files that take too long begins anew after so long, not with each file [s]."""
 
 
 class Attempts:
@@ -55,12 +51,15 @@ class Attempts:
         self.path = folder / reader.file_name
         self.findings: set[str] = set()
         self.told = self.begun
+        self.watched = -WATCHED
 
     def __call__(self, data: bytes) -> None:
         """Read one file."""
         self.path.write_bytes(data)
-        faulthandler.dump_traceback_later(LIMIT, exit=True)
         start = time.monotonic()
+        if start > self.watched + WATCHED:
+            faulthandler.dump_traceback_later(LIMIT + WATCHED, exit=True)
+            self.watched = start
         try:
             self.reader.read(self.path)
         except MyomorphError as error:
@@ -75,12 +74,14 @@ class Attempts:
             raise
         except BaseException as error:
             self._found("memory" if isinstance(error, MemoryError) else "crash", error, data)
-        finally:
-            faulthandler.cancel_dump_traceback_later()
         now = time.monotonic()
         self.files, self.slowest = self.files + 1, max(self.slowest, now - start)
         if now > self.told + 0.2:
             self.tell()
+
+    def wrong(self, choices: Choices, files: Sequence[bytes]) -> None:
+        """Read a file that is one of some made wrong."""
+        self(wrong_file(choices, files))
 
     def tell(self) -> None:
         """Print how far it is."""
@@ -122,26 +123,26 @@ def _print(facts: dict[str, object]) -> None:
 
 def some(attempts: Attempts, examples: int) -> None:
     """Read the first files of a reader, the same every time."""
-    settings(max_examples=examples, derandomize=True, **QUIET)(
-        given(wrong_files(attempts.reader.seeds()))(attempts.__call__)
-    )()
+    choices = RandomChoices(0)
+    files = attempts.reader.seeds()
+    for _ in range(examples):
+        attempts.wrong(choices, files)
 
 
-def for_long(attempts: Attempts, seconds: float, start: int) -> None:
-    """Random files for so long."""
+def many(attempts: Attempts, inputs: int, start: int) -> None:
+    """Read whole files and wrong ones, other ones for each `start`."""
     files = attempts.reader.seeds(recordings())
     for data in files:
         attempts(data)
-    test = settings(max_examples=200, **QUIET)(given(wrong_files(files))(attempts.__call__))
-    if not attempts.reader.guarded and _guided(test, seconds, start):
+    if not attempts.reader.guarded and _guided(attempts, files, inputs, start):
         return
-    while time.monotonic() < attempts.begun + seconds:
-        start += 1
-        seed(start)(test)()
+    choices = RandomChoices(start)
+    for _ in range(inputs):
+        attempts.wrong(choices, files)
 
 
-def _guided(test: object, seconds: float, start: int) -> bool:
-    """Let atheris choose what Hypothesis draws; False where it is not installed."""
+def _guided(attempts: Attempts, files: Sequence[bytes], inputs: int, start: int) -> bool:
+    """Let atheris choose; False where it is not installed."""
     try:
         import atheris
     except ImportError:
@@ -160,14 +161,24 @@ def _guided(test: object, seconds: float, start: int) -> bool:
             for function in vars(owner).values():
                 if isinstance(function, FunctionType) and function.__module__ == module.__name__:
                     atheris.instrument_func(function)
+    last = attempts.files + inputs
+
+    def read(data: bytes) -> None:
+        attempts.wrong(ProvidedChoices(data), files)
+        if attempts.files >= last:
+            # The fuzzer ends the process.
+            attempts.tell()
+
     limits = [
-        f"-max_total_time={max(int(seconds), 1)}",
+        f"-runs={inputs}",
         f"-seed={start}",
+        "-len_control=0",
         "-timeout=3600",
         "-rss_limit_mb=0",
     ]
     atheris.Setup(
-        ["fuzz", *limits, f"-max_len={MAX_BYTES}", "-verbosity=0"], test.hypothesis.fuzz_one_input
+        ["fuzz", *limits, f"-max_len={MAX_CHOICES}", "-verbosity=0"],
+        read,
     )
     atheris.Fuzz()
     return True
@@ -178,7 +189,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--examples", type=int)
-    parser.add_argument("--seconds", type=float)
+    parser.add_argument("--inputs", type=int)
     parser.add_argument("--start", type=int, default=0)
     parser.add_argument("--reader", choices=[reader.name for reader in READERS])
     options = parser.parse_args()
@@ -201,7 +212,7 @@ def main() -> int:
         if options.examples:
             some(attempts, options.examples)
         else:
-            for_long(attempts, options.seconds, options.start)
+            many(attempts, options.inputs, options.start)
         attempts.tell()
         findings += len(attempts.findings)
     return int(findings > 0)
