@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,10 +17,11 @@ import pytest
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.errors import BadFile
 from myomorph.lab.store.results import read_result
+from myomorph.live.interruption import asked_to_end, ended_by_signals
 from myomorph.live.loop import BAD_TIME, SETTLING, SOLVED, Delays
 from myomorph.live.run import LiveFiles, LiveOutputs, recover_session, run_live_chain
 from myomorph.live.session_clock import PAUSE, SessionClock
-from myomorph.live.session_log import LOG, read_log
+from myomorph.live.session_log import CHECK, LOG, LogHead, SessionLog, read_log
 from myomorph.live.sources import Arrived, Replay
 from myomorph.show.demo.arm import example_files
 
@@ -60,16 +63,174 @@ def test_a_log_gives_the_results_of_its_session(arm, tmp_path, monkeypatch):
     assert not (tmp_path / "lost" / LOG).exists()
 
 
-def test_a_row_that_was_cut_off_is_left_out(arm, tmp_path, monkeypatch):
-    monkeypatch.setattr("myomorph.live.run._write_results", lambda *_: None)
-    session(arm, tmp_path / "lost")
-    path = tmp_path / "lost" / LOG
-    os.truncate(path, path.stat().st_size - 100)
+@pytest.fixture(scope="module")
+def lost(arm, tmp_path_factory):
+    """The log of a whole session, and its results."""
+    folder = tmp_path_factory.mktemp("sessions")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("myomorph.live.run._write_results", lambda *_: None)
+        session(arm, folder / "lost")
+    session(arm, folder / "whole")
+    return folder / "lost" / LOG, folder / "whole"
+
+
+def test_whatever_a_power_cut_leaves_of_the_last_rows_is_read_as_far_as_it_is_whole(lost, tmp_path):
+    """Cut off at each byte, or as long as it was with zeros or old bytes of the disk behind it."""
+    content = lost[0].read_bytes()
+    width = read_log(lost[0]).head.width
+    rows = read_log(lost[0]).rows
+    begin = content.index(b"\n") + 1
+    size = 8 * width
+    assert len(content) == begin + 61 * size
+    path = tmp_path / LOG
+    for end in range(begin + 58 * size, len(content)):
+        whole = (end - begin) // size
+        missing = len(content) - end
+        for left in (b"", bytes(missing), b"\xff" * missing, content[:missing]):
+            path.write_bytes(content[:end] + left)
+            stored = read_log(path)
+            np.testing.assert_array_equal(stored.rows, rows[:whole])
+            expected = 61 - whole if left else (end - begin) % size > 0
+            assert stored.damaged == expected
+
+
+def test_a_row_in_the_middle_that_is_damaged_is_left_out_alone(lost, tmp_path):
+    content = bytearray(lost[0].read_bytes())
+    rows = read_log(lost[0]).rows
+    size = rows[0].nbytes
+    content[len(content) - 31 * size + 100] ^= 1
+    (tmp_path / LOG).write_bytes(content)
+    stored = read_log(tmp_path / LOG)
+    assert stored.damaged == 1
+    np.testing.assert_array_equal(stored.rows, np.delete(rows, 30, axis=0))
+
+
+def test_results_of_a_log_that_was_cut_off_are_those_of_its_frames(lost, tmp_path):
+    log, whole = lost
+    (tmp_path / LOG).write_bytes(log.read_bytes()[:-3000])
+    stored = read_log(tmp_path / LOG)
+    assert 40 < len(stored.rows) < 61
+    recovered = recover_session(tmp_path)
+    assert len(recovered.delays) == len(stored.rows)
+    assert any("left out: 1" in note for note in recovered.notes)
+    for name in ("coordinates.mot", "torques.sto", "activations.sto"):
+        cut = read_sto(tmp_path / name)
+        full = read_sto(whole / name)
+        assert cut.names == full.names
+        assert 0 < len(cut.time) < len(full.time)
+        np.testing.assert_array_equal(cut.values, full.values[: len(cut.time)])
+
+
+def test_a_log_cut_off_before_its_first_row_is_named(lost, tmp_path):
+    content = lost[0].read_bytes()
+    begin = content.index(b"\n") + 1
+    for end in (0, 1, begin // 2, begin - 1, begin, begin + 100):
+        (tmp_path / LOG).write_bytes(content[:end])
+        with pytest.raises(BadFile, match=r"is no log|holds no frame"):
+            recover_session(tmp_path)
+
+
+class Interrupted(BaseException):
+    """Raised at one line of the log's code."""
+
+
+@pytest.mark.parametrize("line", range(0, 150, 3))
+def test_an_interruption_at_any_line_leaves_one_row_per_frame(tmp_path, line):
+    widths = {"delays": Delays.WIDTH, "dropped": 1, "time": 1, "coordinates": 2}
+    widths |= dict.fromkeys(("velocities", "torques", "activations", "forces", "reserves"), 2)
+    widths |= dict.fromkeys(("balanced", "wrenches"), 6)
+    widths |= dict.fromkeys(("residual", "status", "error", "seen", "remaining", CHECK), 1)
+    empty = dict.fromkeys(
+        ("muscles", "actuators", "coordinates", "lower", "upper", "bodies", "up"), ()
+    )
+    head = LogHead(model="m", provenance="{}", filter_delay=0.0, widths=widths, **empty)
+    delays = Delays()
+    lines = []
+
+    def trace(frame, event, _):
+        if not frame.f_code.co_filename.endswith("session_log.py"):
+            return None
+        if event == "line":
+            lines.append(frame.f_lineno)
+            if len(lines) == line + 1:
+                raise Interrupted
+        return trace
+
+    log = SessionLog(tmp_path / LOG, head, delays)
+    log._flushed = -1.0  # Each frame is written.
+    before = sys.gettrace()
+    try:
+        sys.settrace(trace)
+        for count in range(4):
+            delays.add(0.01 * count, 0.0, 0.0, 0.0, SOLVED)
+            if count != 1:
+                log.put(_frame(count), np.zeros((0, 3)))
+            log._flushed = -1.0
+    except Interrupted:
+        pass
+    finally:
+        sys.settrace(before)
+    log.close()
+    stored = read_log(tmp_path / LOG)
+    assert stored.damaged == 0
+    np.testing.assert_array_equal(stored.rows[:, head.parts["delays"]], delays.table)
+    seen = stored.rows[:, head.parts["seen"].start]
+    assert all(np.isnan(value) or value == count for count, value in enumerate(seen))
+
+
+def _frame(count: int) -> SimpleNamespace:
+    """A frame whose markers seen are its number."""
+    two = np.zeros(2)
+    shared = SimpleNamespace(
+        activations=two, forces=two, reserves=two, balanced=np.zeros(6), equilibrium_residual=0.0
+    )
+    shared.status = 0
+    frame = SimpleNamespace(time=0.01 * count, coordinates=two, velocities=two, torques=two)
+    frame.tension = shared
+    frame.wrenches = np.zeros((1, 6))
+    frame.error = frame.owed = 0.0
+    frame.seen = count
+    return frame
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows has no signal to oneself but Ctrl-C")
+def test_the_first_signal_asks_and_the_second_interrupts():
+    with asked_to_end() as ended:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert ended.wait(5.0)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGTERM)
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="Windows has no such signal")
+@pytest.mark.parametrize("block", [ended_by_signals, asked_to_end])
+def test_a_signal_that_is_ignored_stays_ignored(block):
+    """As `nohup` asks for, so that a session outlives its terminal."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with block() as ended:
+            os.kill(os.getpid(), signal.SIGHUP)
+            time.sleep(0.05)
+            assert ended is None or not ended.is_set()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_full_disk_ends_a_session_with_its_reason(arm, tmp_path, monkeypatch):
+    written = SessionLog._write
+
+    def full(log, content, position):
+        if position > 4_000:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        written(log, content, position)
+
+    monkeypatch.setattr(SessionLog, "_write", full)
+    monkeypatch.setattr("myomorph.live.session_log.FLUSH", 0.0)
+    with pytest.raises(OSError, match="No space"):
+        session(arm, tmp_path / "lost")
     monkeypatch.undo()
-    _, rows = read_log(path)
-    assert len(rows) == 60
-    assert len(recover_session(tmp_path / "lost").delays) == 60
-    assert read_sto(tmp_path / "lost" / "torques.sto").names
+    frames = len(read_log(tmp_path / "lost" / LOG).rows)
+    assert len(recover_session(tmp_path / "lost").delays) == frames > 0
 
 
 def test_what_is_no_log_is_named(tmp_path):
@@ -116,7 +277,7 @@ def test_a_killed_process_loses_nothing(arm, tmp_path, number):
         assert not log.exists()
     else:
         assert process.returncode == -number
-        frames = len(read_log(log)[1])
+        frames = len(read_log(log).rows)
         assert 5 < frames < 61
         assert len(recover_session(out).delays) == frames
     assert read_sto(out / "coordinates.mot").names

@@ -7,6 +7,7 @@ outputs. `live` and `identify --live` are two kinds of steps.
 from __future__ import annotations
 
 import gc
+import threading
 import time as clock
 from array import array
 from collections import deque
@@ -20,6 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
+from myomorph.live.interruption import asked_to_end
 from myomorph.live.session_clock import SessionClock, Stamp
 from myomorph.live.sources import Arrived, Source
 
@@ -276,20 +278,29 @@ def follow(
     now : the clock [s]
     """
     delays = Delays() if delays is None else delays
-    interrupted = False
     # One frame's matrices are small: waking further threads for them costs more than they save.
     with threadpool_limits(limits=1, user_api="blas"):
         steps.warm_up()
-        with uncollected_past():
+        with uncollected_past(), asked_to_end() as ended:
             began = now()
             try:
-                _follow(steps, source, outputs, late, delays, now)
+                _follow(
+                    steps=steps,
+                    source=source,
+                    outputs=outputs,
+                    late=late,
+                    delays=delays,
+                    now=now,
+                    ended=ended,
+                )
             except KeyboardInterrupt:
-                # Streams end when the user says so.
-                interrupted = True
-                if not len(delays):
-                    raise
+                # Asked for again, or raised where signals are none of ours.
+                ended.set()
             seconds = now() - began
+            # Streams end when the user says so.
+            interrupted = ended.is_set()
+    if interrupted and not len(delays):
+        raise KeyboardInterrupt
     if not len(delays):
         raise BadData("no frame came")
     return LiveSession(
@@ -355,13 +366,14 @@ def _follow(
     late: Sequence[Output[F]],
     delays: Delays,
     now: Callable[[], float],
+    ended: threading.Event,
 ) -> None:
     waiting: deque[_Waiting] = deque()
     stamps = SessionClock()
     clocked = source.speed != 0.0 or source.duration is None
     step = 1.5 / source.force_rate if source.force_rate else 0.0
     pushing = 0.0
-    while waiting or not source.done:
+    while (waiting or not source.done) and not ended.is_set():
         if not waiting and not steps.idle():
             source.wait(WAIT)
         # A recording as fast as it goes gives more whenever it is asked.

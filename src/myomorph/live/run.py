@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -174,7 +174,9 @@ def run_live_chain(
 
 def _keep(log: SessionLog, frames: int, said: Callable[[str], None]) -> None:
     """Keep the log of a session that an error ended, if it holds a frame."""
-    log.close()
+    with suppress(OSError):
+        # On a full disk this is what ended the session.
+        log.close()
     if frames == 0:
         log.path.unlink()
         with suppress(OSError):
@@ -186,9 +188,13 @@ def _keep(log: SessionLog, frames: int, said: Callable[[str], None]) -> None:
 
 def _write_results(log: Path, model: Model, session: LiveSession) -> None:
     """Write the results of a log, all together, and remove the log."""
-    head, rows = read_log(log)
+    stored = read_log(log)
+    table = stored.rows[:, stored.head.parts["delays"]]
+    session = replace(session, delays=Delays.of_table(table, dropped=session.delays.dropped))
     with whole_folder(log.parent) as folder:
-        SessionResults(head=head, rows=rows, model=model, folder=folder).write(session)
+        SessionResults(head=stored.head, rows=stored.rows, model=model, folder=folder).write(
+            session
+        )
     log.unlink()
 
 
@@ -207,7 +213,9 @@ def recover_session(folder: Path) -> LiveSession:
     if not path.is_file():
         hint = "give the --out of a session of live that did not end"
         raise BadFile(folder, f"holds no {LOG}: there is nothing to recover", hint)
-    head, rows = read_log(path)
+    stored = read_log(path)
+    head = stored.head
+    rows = stored.rows
     made = Provenance.from_json(head.provenance)
     source = next(source for source in made.sources if source.role == "model")
     if file_source("model", head.model).sha256 != source.sha256:
@@ -219,11 +227,14 @@ def recover_session(folder: Path) -> LiveSession:
     delays = Delays.of_table(rows[:, parts["delays"]], dropped=lost)
     times = rows[:, parts["delays"].start]
     times = times[np.isfinite(times)]
+    notes = [*head.notes, f"the session did not end by itself: recovered of its {LOG}"]
+    if stored.damaged:
+        notes.append(f"rows of the {LOG} that are damaged or cut off, left out: {stored.damaged}")
     session = LiveSession(
         delays=delays,
         filter_delay=head.filter_delay,
         seconds=float(np.ptp(times)) if len(times) else 0.0,
-        notes=(*head.notes, f"the session did not end by itself: recovered of its {LOG}"),
+        notes=tuple(notes),
         interrupted=True,
     )
     _write_results(path, model, session)

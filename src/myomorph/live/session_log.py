@@ -1,13 +1,15 @@
 """The log of a live session: a head, and a row for every frame, written as they come.
 
-Whatever ends the session, even a killed process, the rows that were written stay. Results are made
-of the log alone.
+Whatever ends the session, even a killed process, the rows that were written stay. Each row ends in
+a checksum of its own, so that rows that a power cut left in part, or as zeros, are known. Results
+are made of the log alone.
 """
 
 from __future__ import annotations
 
 import json
 import time as clock
+import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -26,10 +28,12 @@ from myomorph.live.limits import TABLES
 from myomorph.live.loop import Delays
 
 LOG = "live.log"
-FORMAT = "myomorph live log 1"
+FORMAT = "myomorph live log 2"
 BLOCK = 256  # Frames that are written at once at most.
 FLUSH = 0.2  # Time after which frames are written that have come [s].
 MAX_HEAD = 1 << 24  # Bytes of the first line.
+CHECK = "check"
+"""The last number of a row: CRC-32 of the bytes before it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,6 +117,7 @@ def head_of(chain: LiveChain, model: Path, provenance: Provenance) -> LogHead:
     drawn = chain.limits
     if drawn is not None:
         widths |= {f"{name}_limits": 3 * widths[name] for name in TABLES}
+    widths[CHECK] = 1
     return LogHead(
         model=str(model) if is_composed(model) else str(model.resolve()),
         provenance=provenance.to_json(),
@@ -146,21 +151,23 @@ class SessionLog:
         self._delays = delays
         self._parts = head.parts
         self._rows = np.empty((BLOCK, head.width))
-        self._filled = 0
-        self._written = 0  # Rows of `delays` that are in the log.
+        # Rows of `delays` that were added, and how many of them the file has: an interruption may
+        # come between any two statements, and each changes one of them alone.
+        self._added = 0
+        self._stored = 0
         self._flushed = clock.monotonic()
         self._has_limits = head.draws > 0
         try:
-            self._file: IO[bytes] = path.open("xb")
+            self._file: IO[bytes] = path.open("xb", buffering=0)
         except FileExistsError:
             raise BadFile(
                 path,
                 "is the log of a session whose results were not written",
                 f"myomorph live --recover {path.parent} writes them, or give another --out",
             ) from None
-        text = json.dumps({"format": FORMAT} | asdict(head))
-        self._file.write(text.encode("utf-8") + b"\n")
-        self._file.flush()
+        text = json.dumps({"format": FORMAT} | asdict(head)).encode("utf-8") + b"\n"
+        self._begin = len(text)
+        self._write(text, 0)
 
     def __enter__(self) -> SessionLog:
         return self
@@ -210,32 +217,42 @@ class SessionLog:
     def close(self) -> None:
         """Nothing more comes."""
         if not self._file.closed:
-            self._add_lost(0)
-            self._flush()
-            self._file.close()
+            try:
+                self._add_lost(0)
+                self._flush()
+            finally:
+                self._file.close()
 
     def _add_lost(self, behind: int) -> None:
         """Add rows without values for frames that no output was given, but the newest `behind`."""
-        while self._written < len(self._delays) - behind:
+        while self._added < len(self._delays) - behind:
             self._add({})
 
     def _add(self, values: Mapping[str, object]) -> None:
-        row = self._rows[self._filled]
+        if self._added - self._stored == BLOCK:
+            self._flush()
+        row = self._rows[self._added - self._stored]
         row[:] = np.nan
-        row[self._parts["delays"]] = self._delays.row(self._written)
+        row[self._parts["delays"]] = self._delays.row(self._added)
         row[self._parts["dropped"]] = self._delays.dropped
         for name, value in values.items():
             row[self._parts[name]] = value
-        self._written += 1
-        self._filled += 1
-        if self._filled == BLOCK:
-            self._flush()
+        row[-1] = zlib.crc32(row[:-1].tobytes())
+        self._added += 1
 
     def _flush(self) -> None:
-        self._file.write(self._rows[: self._filled].tobytes())
-        self._file.flush()
-        self._filled = 0
+        """Write the rows that the file lacks; again after an interruption, to the same place."""
+        rows = self._rows[: self._added - self._stored]
+        self._write(rows.tobytes(), self._begin + self._stored * self._rows[0].nbytes)
+        self._stored = self._added
         self._flushed = clock.monotonic()
+
+    def _write(self, content: bytes, position: int) -> None:
+        """Write bytes to a place of the file."""
+        self._file.seek(position)
+        left = memoryview(content)
+        while left:
+            left = left[self._file.write(left) :]
 
 
 def _head(facts: Mapping[str, Any]) -> LogHead:
@@ -258,7 +275,23 @@ def _head(facts: Mapping[str, Any]) -> LogHead:
     )
 
 
-def read_log(path: Path) -> tuple[LogHead, Array]:
+@dataclass(frozen=True, kw_only=True)
+class StoredLog:
+    """What a log holds.
+
+    Attributes
+    ----------
+    head : what rows hold
+    rows : (frames, numbers) those that are whole
+    damaged : count of rows that were left out, one that was cut off at the end included
+    """
+
+    head: LogHead
+    rows: Array
+    damaged: int
+
+
+def read_log(path: Path) -> StoredLog:
     """Read a log, as far as it was written.
 
     Parameters
@@ -267,11 +300,11 @@ def read_log(path: Path) -> tuple[LogHead, Array]:
 
     Returns
     -------
-    its head, and rows (frames, numbers)
+    its head and the rows whose checksum fits
 
     Raises
     ------
-    BadFile : it is none, or holds no frame
+    BadFile : it is none, or holds no whole row
     """
     hint = "give the folder of a session of live that did not end"
     with readable(path), path.open("rb") as stream:
@@ -282,11 +315,18 @@ def read_log(path: Path) -> tuple[LogHead, Array]:
         if facts.pop("format") != FORMAT:
             raise BadFile(path, "is the log of another version", "recover it with that version")
         head = _head(facts)
+        if head.parts[CHECK] != slice(head.width - 1, head.width):
+            raise ValueError
     except (ValueError, KeyError, TypeError, AttributeError):
         raise BadFile(path, "is no log of a session", hint) from None
-    # The last row may have been written in part.
-    rows = len(content) // (8 * head.width)
-    if rows == 0:
+    size = 8 * head.width
+    count = len(content) // size
+    rows = np.frombuffer(content, np.float64, count * head.width).reshape(count, head.width)
+    checks = [zlib.crc32(content[size * at : size * (at + 1) - 8]) for at in range(count)]
+    whole = rows[:, -1] == checks if count else np.zeros(0, np.bool_)
+    if not whole.any():
         raise BadFile(path, "holds no frame: the session ended before the first", hint)
-    numbers = np.frombuffer(content, np.float64, rows * head.width)
-    return head, numbers.reshape(rows, head.width)
+    cut = int(len(content) > count * size)
+    return StoredLog(
+        head=head, rows=rows[whole], damaged=int(count - np.count_nonzero(whole)) + cut
+    )

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.core.io.delsys import is_delsys, read_delsys_emg
+from myomorph.core.io.parsing.cells import plain_cell
 from myomorph.core.io.parsing.text import file_text, quick_numbers, rising, unique_names
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.errors import BadFile
@@ -128,7 +129,7 @@ def _heading(lines: list[str], path: Path) -> tuple[str, list[str], int]:
     """
     for number, line in enumerate(lines[:HEADING_LINES]):
         mark = next((delimiter for delimiter in ";\t" if delimiter in line), ",")
-        names = [cell.strip().strip('"') for cell in line.split(mark)]
+        names = [plain_cell(cell.strip().strip('"')) for cell in line.split(mark)]
         if len(names) > 1 and any(_word(name) in TIMES for name in names):
             return mark, names, number + 1
     raise BadFile(path, "has no line of column names with the time", HINT)

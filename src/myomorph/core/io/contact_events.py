@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.io.parsing.text import file_text, write_csv
 from myomorph.core.model.causes import CONTACT_TIMES
 from myomorph.core.model.contacts import FOREVER, Contacts, Touch
@@ -289,7 +289,7 @@ def _is_known_table(columns: Sequence[str]) -> bool:
 
 def _cells(line: str, delimiter: str) -> list[str]:
     """Split a line into cells without blanks around; quotes may hold the delimiter."""
-    return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+    return [cell.strip() for cell in next(csv_rows([line], delimiter=delimiter))]
 
 
 def _delimiter(line: str) -> str:

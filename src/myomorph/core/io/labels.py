@@ -8,6 +8,7 @@ import os
 import tomllib
 from pathlib import Path
 
+from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.io.parsing.text import file_text
 from myomorph.core.model.errors import BadFile
 
@@ -73,7 +74,7 @@ def _from_csv(path: Path, text: str) -> dict[str, str]:
         return {}
     sign = max(",;\t", key=lines[0].count)
     result: dict[str, str] = {}
-    for number, row in enumerate(csv.reader(io.StringIO("\n".join(lines)), delimiter=sign)):
+    for number, row in enumerate(csv_rows(io.StringIO("\n".join(lines)), delimiter=sign)):
         cells = [cell.strip() for cell in row]
         if len(cells) == 1 or (len(cells) > 2 and any(cells[2:])):
             raise BadFile(path, f"has a line of {len(cells)} cells: '{sign.join(row)}'", HINT)

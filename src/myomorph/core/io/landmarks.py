@@ -22,6 +22,7 @@ import numpy as np
 from myomorph.core.io.osim.document import read_document
 from myomorph.core.io.osim.frames import Frames
 from myomorph.core.io.osim.setup_parts import holder_of, named_markers
+from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.io.parsing.text import file_text, number
 from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadFile, UnknownName, quoted
@@ -408,7 +409,7 @@ def _cells_by_column(
 def _cells(path: Path, row: str, delimiter: str) -> list[str]:
     """Split a line into cells without blanks around; `BadFile` where quotes are broken."""
     try:
-        return [cell.strip() for cell in next(csv.reader([row], delimiter=delimiter), [])]
+        return [cell.strip() for cell in next(csv_rows([row], delimiter=delimiter), [])]
     except csv.Error as error:
         raise BadFile(path, f"is no table of landmarks ({error})") from None
 

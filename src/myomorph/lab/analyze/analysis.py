@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, TypedDict, Unpack
 
+from myomorph.core.io.parsing.cells import plain_cell
 from myomorph.core.model.errors import BadData, counted, from_extra
 from myomorph.core.model.shown import shown
 from myomorph.lab.analyze.analyze import prepare_study
@@ -121,7 +122,11 @@ class Analysis:
         MissingPackage : pandas is not installed
         """
         pandas = from_extra("xarray", "pandas")
-        return pandas.read_csv(self.folder / TIDY)
+        table = pandas.read_csv(self.folder / TIDY)
+        texts = table.select_dtypes(exclude="number").columns
+        for column in texts:
+            table[column] = table[column].map(plain_cell, na_action="ignore")
+        return table
 
 
 def analyze(

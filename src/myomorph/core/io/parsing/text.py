@@ -15,6 +15,7 @@ from typing import TextIO
 
 import numpy as np
 
+from myomorph.core.io.parsing.cells import spreadsheet_cell
 from myomorph.core.io.parsing.door import content_of
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import HIDDEN, READING
@@ -22,7 +23,6 @@ from myomorph.core.model.errors import BadFile
 from myomorph.core.model.messages import Message
 
 BINARY_SHARE = 0.02
-FORMULA = ("=", "+", "-", "@", "\t", "\r")  # How a spreadsheet's formulas begin.
 MAX_DISTANCE = 1e5  # Of a position, along an axis [m].
 LONGEST = 18  # Digits of a whole number: a crafted file may hold thousands
 MISSING = ("na", "n/a", "-", "--", "none", "null", "missing", ".")
@@ -402,30 +402,6 @@ def written(path: str | os.PathLike[str]) -> Iterator[TextIO]:
     except BaseException:
         Path(name).unlink(missing_ok=True)
         raise
-
-
-def spreadsheet_cell(cell: object) -> object:
-    """Return a cell that no spreadsheet takes for a formula.
-
-    A text that begins like one gets an apostrophe before it; numbers stay as they are.
-
-    Parameters
-    ----------
-    cell : of a table that is written
-
-    Examples
-    --------
-    >>> from myomorph.core.io.parsing.text import spreadsheet_cell
-    >>> spreadsheet_cell("=HYPERLINK(1)"), spreadsheet_cell("-1.5e3"), spreadsheet_cell("-")
-    ("'=HYPERLINK(1)", '-1.5e3', '-')
-    """
-    if not isinstance(cell, str) or not cell.startswith(FORMULA) or len(cell.strip()) < 2:
-        return cell
-    try:
-        float(cell)
-    except ValueError:
-        return f"'{cell}"
-    return cell
 
 
 def csv_text(head: Iterable[object], rows: Iterable[Iterable[object]], digits: int = 6) -> str:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Literal
 
 from myomorph import __version__
-from myomorph.core.io.parsing.text import spreadsheet_cell
+from myomorph.core.io.parsing.cells import spreadsheet_cell
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
 from myomorph.core.model.provenance import Provenance

@@ -5,13 +5,13 @@ They are a table beside the model, and an input of a trial.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from glob import escape
 from pathlib import Path
 
+from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.errors import BadFile
 from myomorph.lab.study.inputs.input import Input, Opened
@@ -56,7 +56,7 @@ def read_error_sizes(paths: Sequence[Path]) -> ErrorSizes:
         if not path.is_file():
             continue
         with path.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.reader(stream))
+            rows = list(csv_rows(stream))
         if not rows or tuple(rows[0]) != HEAD:
             raise BadFile(
                 path, "is no table of sizes of errors", f"expected the columns {', '.join(HEAD)}"

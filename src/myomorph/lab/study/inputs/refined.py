@@ -5,7 +5,6 @@ They take the place of those of inverse kinematics.
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from myomorph.core.io.parsing.cells import csv_records
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import SETTINGS
 from myomorph.core.model.errors import BadData, BadFile
@@ -118,7 +118,7 @@ def _clock_offset(path: Path) -> float:
         return 0.0
     try:
         with table.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream))
+            rows = list(csv_records(stream))
         offsets = {file_name(row["trial"]): float(row["offset_s"]) for row in rows}
         return offsets[path.stem]
     except (OSError, ValueError, KeyError, TypeError) as error:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 
+from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.lab.store.results import file_source
@@ -38,7 +38,7 @@ def read_soft_tissue(path: Path) -> SoftTissue:
     hint = "give soft_tissue.csv of the folder that identify or refine wrote beside its model"
     try:
         with path.open(encoding="utf-8", newline="") as stream:
-            head, *rows = csv.reader(stream)
+            head, *rows = csv_rows(stream)
         if tuple(head) != SOFT_TISSUE_HEAD:
             raise BadFile(
                 path,

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.io.parsing.door import content_of
 from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.errors import BadFile, listing
@@ -83,7 +84,7 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
     first = next((line for line in text.splitlines() if line.strip()), "")
     delimiter = max(";\t,", key=first.count)
     try:
-        rows = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
+        rows = list(csv_rows(io.StringIO(text, newline=""), delimiter=delimiter))
     except csv.Error as error:
         problems.append(f"{where}: is no table of text ({error}): save it as 'CSV UTF-8'")
         return {}

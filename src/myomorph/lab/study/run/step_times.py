@@ -16,6 +16,7 @@ from dataclasses import astuple, dataclass, field, fields
 from pathlib import Path
 from statistics import median_high
 
+from myomorph.core.io.parsing.cells import csv_records
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.frozen_map import grouped
@@ -68,7 +69,7 @@ def read_samples(path: Path | None) -> list[Sample]:
     """Lines of the file in their order; damaged ones are passed over."""
     samples: list[Sample] = []
     with suppress(OSError, UnicodeDecodeError, csv.Error):
-        for row in csv.DictReader(
+        for row in csv_records(
             "" if path is None else path.read_text(encoding="utf-8").splitlines()
         ):
             with suppress(KeyError, TypeError, ValueError):

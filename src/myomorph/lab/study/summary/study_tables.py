@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from myomorph import __version__
-from myomorph.core.io.parsing.text import spreadsheet_cell, write_csv
+from myomorph.core.io.parsing.cells import csv_rows, spreadsheet_cell
+from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.errors import few
 from myomorph.core.model.frozen_map import FrozenMap, grouped
 from myomorph.core.model.messages import Message
@@ -350,7 +351,7 @@ def _write_messages(
             continue
         found.append(("/".join(filter(None, trial.outcome.key)), messages))
         with path.open(newline="", encoding="utf-8") as stream:
-            cells += [(*trial.whose, *row) for row in islice(csv.reader(stream), 1, None)]
+            cells += [(*trial.whose, *row) for row in islice(csv_rows(stream), 1, None)]
     write_csv(folder / TRIAL_MESSAGES, (*WHOSE, *HEAD), cells)
     return tuple(found)
 

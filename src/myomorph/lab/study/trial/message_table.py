@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from myomorph.core.io.parsing.cells import csv_records
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.message_groups import grouped_messages
 from myomorph.core.model.message_quantities import QUANTITIES
@@ -38,7 +38,7 @@ def read_messages(path: Path) -> tuple[Message, ...]:
     if not path.is_file():
         return ()
     with path.open(newline="", encoding="utf-8") as stream:
-        return tuple(map(_message, csv.DictReader(stream)))
+        return tuple(map(_message, csv_records(stream)))
 
 
 def _message(row: Mapping[str, str]) -> Message:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.parsing.cells import plain_record
 from myomorph.core.io.parsing.door import content_of
 from myomorph.core.io.parsing.text import written
 from myomorph.core.model.arrays import Array
@@ -75,7 +76,7 @@ def read_norms(path: Path) -> tuple[GaitNorm, ...]:
     if missing:
         hint = "'myomorph norms' makes one of a control group"
         raise BadFile(path, f"is no norm of gait: has no column '{missing[0]}'", hint)
-    rows = [_row(path, number, cells) for number, cells in enumerate(table, 1)]
+    rows = [_row(path, number, plain_record(cells)) for number, cells in enumerate(table, 1)]
     groups = grouped((row.group, row) for row in rows)
     return tuple(_norm(group, members, facts) for group, members in groups.items())
 

@@ -5,13 +5,13 @@ They are one value per row, mean curves over the cycle, and measures of quality.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.parsing.cells import csv_records, csv_rows
 from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.cycle_samples import SAMPLES
 from myomorph.core.model.errors import BadData
@@ -266,7 +266,7 @@ def read_curves(path: Path, only: tuple[str, ...] = ()) -> tuple[str, dict[str, 
     begin with one of `only`, () for all) over percents.
     """
     with path.open(newline="", encoding="utf-8") as stream:
-        head = next(csv.reader(stream), [])
+        head = next(csv_rows(stream), [])
         if not head or head[0] not in (OF_STRIDE, OF_TRIAL):
             raise BadData(f"{path}: holds no curves over a cycle: run the trial again")
         columns = [
@@ -292,7 +292,7 @@ def read_values(path: Path) -> list[Value]:
     Tables of older versions have no columns of strides.
     """
     with path.open(newline="", encoding="utf-8") as stream:
-        return [_read_value(row) for row in csv.DictReader(stream)]
+        return [_read_value(row) for row in csv_records(stream)]
 
 
 def _read_value(row: Mapping[str, str]) -> Value:
@@ -322,4 +322,4 @@ def read_quality(path: Path) -> list[dict[str, str]]:
     if not path.is_file():
         return []
     with path.open(newline="", encoding="utf-8") as stream:
-        return list(csv.DictReader(stream))
+        return list(csv_records(stream))

@@ -15,6 +15,7 @@ from pydantic import Field
 
 from myomorph.core.contact.plate_placements import MarkedWeight, Placement, find_placements
 from myomorph.core.io.mesh import find_mesh, read_mesh
+from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.io.parsing.door import content_of
 from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.arrays import Array
@@ -163,7 +164,7 @@ def read_picks(path: Path) -> dict[str, Array]:
     (3,) or (6,) by name: x, y, z of the scan, perhaps of the bone (bone_x, ...) too
     """
     try:
-        rows = list(csv.reader(content_of(path, "settings").decode("utf-8-sig").splitlines()))
+        rows = list(csv_rows(content_of(path, "settings").decode("utf-8-sig").splitlines()))
     except (UnicodeDecodeError, csv.Error):
         raise BadFile(path, "cannot be read (not text)") from None
     result: dict[str, Array] = {}
