@@ -1,7 +1,8 @@
 """Whole files made wrong.
 
-Parts are taken out, doubled, moved, or replaced by something odd. A part is some bytes, a number, a word, a line, an element of XML or all that follows. The file, the
-parts and what happens to each are chosen at random, or by bytes that a fuzzer provides.
+Parts are taken out, doubled, moved, or replaced by something odd. A part is some bytes, a number, a
+word, a line, an element of XML or all that follows. The file, the parts and what happens to each
+are chosen at random, or by bytes that a fuzzer provides.
 """
 
 from __future__ import annotations

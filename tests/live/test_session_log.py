@@ -65,7 +65,7 @@ def test_a_log_gives_the_results_of_its_session(arm, tmp_path, monkeypatch):
 
 @pytest.fixture(scope="module")
 def lost(arm, tmp_path_factory):
-    """The log of a whole session, and its results."""
+    """Write the log of a whole session, and its results."""
     folder = tmp_path_factory.mktemp("sessions")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("myomorph.live.run._write_results", lambda *_: None)
@@ -140,10 +140,19 @@ def test_an_interruption_at_any_line_leaves_one_row_per_frame(tmp_path, line):
     widths |= dict.fromkeys(("velocities", "torques", "activations", "forces", "reserves"), 2)
     widths |= dict.fromkeys(("balanced", "wrenches"), 6)
     widths |= dict.fromkeys(("residual", "status", "error", "seen", "remaining", CHECK), 1)
-    empty = dict.fromkeys(
-        ("muscles", "actuators", "coordinates", "lower", "upper", "bodies", "up"), ()
+    head = LogHead(
+        model="m",
+        provenance="{}",
+        filter_delay=0.0,
+        widths=widths,
+        muscles=(),
+        actuators=(),
+        coordinates=(),
+        lower=(),
+        upper=(),
+        bodies=(),
+        up=(),
     )
-    head = LogHead(model="m", provenance="{}", filter_delay=0.0, widths=widths, **empty)
     delays = Delays()
     lines = []
 
@@ -179,7 +188,7 @@ def test_an_interruption_at_any_line_leaves_one_row_per_frame(tmp_path, line):
 
 
 def _frame(count: int) -> SimpleNamespace:
-    """A frame whose markers seen are its number."""
+    """Make a frame whose markers seen are its number."""
     two = np.zeros(2)
     shared = SimpleNamespace(
         activations=two, forces=two, reserves=two, balanced=np.zeros(6), equilibrium_residual=0.0
