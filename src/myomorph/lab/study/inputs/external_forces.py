@@ -237,7 +237,16 @@ def _of_recording(
 
 
 def outlines_of(trial: Trial) -> FrozenMap[str, Array]:
-    """Corners of a recording's plates by name, (4, 3) each [m]."""
+    """Return the corners of a recording's plates.
+
+    Parameters
+    ----------
+    trial : recording with plates
+
+    Returns
+    -------
+    (4, 3) [m] by the name of the plate
+    """
     return FrozenMap({plate.name: plate.corners for plate in trial.plates})
 
 

@@ -59,7 +59,16 @@ class RunningMeans(Generic[Name]):
         self._places: dict[tuple[Name, ...], Array] = {}
 
     def places(self, names: tuple[Name, ...]) -> Array:
-        """Columns of names; new ones are made."""
+        """Return the columns of names; new ones are made.
+
+        Parameters
+        ----------
+        names : of the columns
+
+        Returns
+        -------
+        (names,) indices of columns
+        """
         if names not in self._places:
             for name in names:
                 self.columns.setdefault(name, len(self.columns))
@@ -71,7 +80,13 @@ class RunningMeans(Generic[Name]):
         return self._places[names]
 
     def add(self, names: tuple[Name, ...], values: Array) -> None:
-        """One more of each column (samples, names), NaN where it is not known."""
+        """Add one more of each column.
+
+        Parameters
+        ----------
+        names : of the columns
+        values : (samples, names), NaN where not known
+        """
         columns = self.places(names)
         known = np.isfinite(values)
         count = self.count[:, columns] + known
@@ -251,7 +266,16 @@ class GrowingCondition:
 
 
 def joined_curves(curves: Mapping[str, Series]) -> tuple[tuple[Curve, ...], Array]:
-    """Curves of all families side by side: their names, and (samples, names)."""
+    """Put the curves of all families side by side.
+
+    Parameters
+    ----------
+    curves : (samples, columns) by family
+
+    Returns
+    -------
+    family and name of each, and values (samples, names)
+    """
     names = tuple((family, name) for family, series in curves.items() for name in series.names)
     parts = [series.values for series in curves.values()]
     return names, np.hstack(parts) if parts else np.zeros((SAMPLES, 0))

@@ -246,7 +246,17 @@ def fiber_notes(tension: Tension) -> tuple[Message, ...]:
 
 
 def inside_ends(fibers: Fibers, values: Array) -> Array:
-    """Values with NaN where the start-up or the end can be felt."""
+    """Return values with NaN where the start-up or the end has an effect.
+
+    Parameters
+    ----------
+    fibers : that know these frames (`transient`)
+    values : (frames, muscles)
+
+    Returns
+    -------
+    (frames, muscles)
+    """
     return np.where(fibers.transient[:, None], np.nan, values)
 
 

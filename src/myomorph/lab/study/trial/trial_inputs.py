@@ -307,7 +307,17 @@ def tidy_signals(step: str, series: Series, model: Model) -> Signals:
 
 
 def statistics_of(values: Array, axis: int = 0) -> dict[str, Array]:
-    """`EXTREMES` of values along an axis, NaN where none is known."""
+    """Return the `EXTREMES` of values along an axis.
+
+    Parameters
+    ----------
+    values : of any shape, NaN or infinite where not known
+    axis : along which they are taken
+
+    Returns
+    -------
+    by name, in the shape of the values without the axis; NaN where no value is known
+    """
     values = np.where(np.isfinite(values), values, np.nan)
     with warnings.catch_warnings():
         # Of columns in which nothing is known.

@@ -82,7 +82,16 @@ class DrawnTable:
         return np.array([self.quantity.tidy_factor(motion) for motion in self.motions])
 
     def table(self, values: Array) -> Table:
-        """Other values (frames, names) of the quantity, as its file has them."""
+        """Return other values of the quantity, as its file has them.
+
+        Parameters
+        ----------
+        values : (frames, names) in the unit of the quantity
+
+        Returns
+        -------
+        the table of the file
+        """
         series = Series(self.time, self.names, values, quantity=self.quantity)
         return quantity_table(series, self.model)
 
@@ -248,7 +257,16 @@ class DrawnValues:
         return np.concatenate(parts, axis=1)
 
     def of(self, tables: Mapping[str, Array]) -> Array:
-        """All numbers of a draw (names,)."""
+        """Return all numbers of a draw.
+
+        Parameters
+        ----------
+        tables : (frames, names) by the name of the quantity
+
+        Returns
+        -------
+        (names,) in the units of tables that people read
+        """
         parts = [np.zeros(0)]
         for quantity, columns in self.columns:
             tidy = quantity.quantity.tidy
@@ -334,7 +352,16 @@ class DrawnGait:
     wrenches: Wrenches | None
 
     def means(self, tables: Mapping[str, Array]) -> Mapping[str, Array]:
-        """By side, (samples, variables); {} where the model has no such curves."""
+        """Return the mean gait curves of a draw.
+
+        Parameters
+        ----------
+        tables : (frames, names) by the name of the quantity
+
+        Returns
+        -------
+        (samples, variables) by side; {} where the model has no such curves
+        """
         torques = None
         if self.torques is not None:
             torques = Series(self.torques.time, self.torques.names, tables[GENERALIZED_FORCE.name])
