@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 
 from myomorph.core.model.errors import listing
 from myomorph.lab.store.outcome import Conditions, Excluded
+from myomorph.lab.study.inputs.keys import Notes
 from myomorph.lab.study.plan.subject_tables import ExcludeTable, Patterns, as_list
 from myomorph.lab.study.trial.trial_inputs import TrialFiles
+
+MAX_NAMED = 6  # Trials that a remark names one by one.
 
 
 class Exclusions:
@@ -51,28 +54,23 @@ class Exclusions:
         names_of: dict[str, list[str]] = {name: [] for name in subjects}
         for one in trials:
             names_of[one.subject].append(one.name)
-        gone = {found.subject for found in self.found if not found.trial}
         for number, table in enumerate(self.tables):
             if number in self._used or not (table.subject or table.trial):
                 continue
-            where = f"exclude.{number + 1} excludes nothing"
-            meant = [subject for subject in subjects if fnmatchcase(subject, table.subject or "*")]
-            if not meant:
-                problems.append(
-                    f"{where}: no subject '{table.subject}': there are"
-                    f" {listing(table.subject, subjects)}"
-                )
-            elif set(meant) <= gone:
-                problems.append(
-                    f"{where}: subject '{table.subject}' is excluded as a whole already"
-                )
-            else:
-                names = list(dict.fromkeys(trial for name in meant for trial in names_of[name]))
-                whose = f"subject '{table.subject}'" if table.subject else "the study"
-                problems.append(
-                    f"{where}: {whose} has no trial '{table.trial}': there are"
-                    f" {listing(table.trial, names)}"
-                )
+            why = self._why_unused(table, names_of)
+            problems.append(f"exclude.{number + 1} excludes nothing: {why}")
+
+    def _why_unused(self, table: ExcludeTable, trials: Mapping[str, Sequence[str]]) -> str:
+        """Say why a table leaves nothing out; `trials`: names by subject, of all subjects."""
+        meant = [subject for subject in trials if fnmatchcase(subject, table.subject or "*")]
+        if not meant:
+            return f"no subject '{table.subject}': there are {listing(table.subject, [*trials])}"
+        gone = {found.subject for found in self.found if not found.trial}
+        if set(meant) <= gone:
+            return f"subject '{table.subject}' is excluded as a whole already"
+        names = list(dict.fromkeys(trial for name in meant for trial in trials[name]))
+        whose = f"subject '{table.subject}'" if table.subject else "the study"
+        return f"{whose} has no trial '{table.trial}': there are {listing(table.trial, names)}"
 
 
 class _Patterns:
@@ -98,59 +96,70 @@ class _Patterns:
             names += [name] if fit else []
         return names
 
+    def unmatched(self, trials: Sequence[TrialFiles]) -> Iterator[str]:
+        """Yield a line on each pattern that fits none of the trials that were considered."""
+        for owner, conditions in self.by_owner.items():
+            where = f"subject '{owner}'" if owner else "study"
+            own = (trial.name for trial in trials if owner in ("", trial.subject))
+            names = tuple(dict.fromkeys(own))
+            for name, patterns in conditions.items():
+                for pattern in as_list(patterns):
+                    if (owner, name, pattern) not in self.used:
+                        yield (
+                            f"{where}: conditions: '{name}': no trial matches '{pattern}': there"
+                            f" are {listing(pattern, names)}"
+                        )
+
 
 def with_conditions(
     trials: Sequence[TrialFiles],
     study: Mapping[str, Patterns],
     own: Mapping[str, Mapping[str, Patterns]],
     excluded: Sequence[Excluded],
-    problems: list[str],
-    remarks: list[str],
+    notes: Notes,
 ) -> tuple[list[TrialFiles], Conditions]:
     """Return the trials with their conditions.
 
     A trial has the condition that its own table names, else that of a pattern of names, of `own` by
     subject or of the `study` for those that have none. A pattern may stand for trials that are
-    `excluded`.
+    `excluded`. What is wrong is added to the notes.
     """
-    named = [trial.condition for trial in trials if trial.condition]
-    names = tuple(study) or tuple(
-        dict.fromkeys([*(name for some in own.values() for name in some), *named])
-    )
-    for subject, conditions in own.items():
-        for name in conditions:
-            if name not in names:
-                problems.append(
-                    f"subject '{subject}': conditions: '{name}' is none of the study's:"
-                    f" {listing(name, names)}"
-                )
+    names = _names_of_conditions(trials, study, own)
+    notes.problems += [
+        f"subject '{subject}': conditions: '{name}' is none of the study's: {listing(name, names)}"
+        for subject, conditions in own.items()
+        for name in conditions
+        if name not in names
+    ]
     patterns = _Patterns(study, own)
     placed = [
-        _placed(trial, patterns.fitting(trial.subject, trial.name), names, problems)
+        _placed(trial, patterns.fitting(trial.subject, trial.name), names, notes.problems)
         for trial in trials
     ]
-    found = {}
-    for gone in excluded:
-        for name in patterns.fitting(gone.subject, gone.trial) if gone.trial else ():
-            found[gone.subject, gone.trial] = name
-    for owner, conditions in patterns.by_owner.items():
-        where = f"subject '{owner}'" if owner else "study"
-        exist = tuple(dict.fromkeys(trial.name for trial in trials if owner in ("", trial.subject)))
-        problems += [
-            f"{where}: conditions: '{name}': no trial matches '{pattern}': there are"
-            f" {listing(pattern, exist)}"
-            for name, some in conditions.items()
-            for pattern in as_list(some)
-            if (owner, name, pattern) not in patterns.used
-        ]
+    found = {
+        (gone.subject, gone.trial): name
+        for gone in excluded
+        if gone.trial
+        for name in patterns.fitting(gone.subject, gone.trial)
+    }
+    notes.problems += patterns.unmatched(trials)
     without = [f"{trial.subject}/{trial.name}" for trial in placed if not trial.condition]
     if names and without:
-        remarks.append(
-            f"in no condition: {', '.join(without[:6])}"
-            + (" and others" if len(without) > 6 else "")
-        )
+        others = " and others" if len(without) > MAX_NAMED else ""
+        notes.remarks.append(f"in no condition: {', '.join(without[:MAX_NAMED])}{others}")
     found |= {(trial.subject, trial.name): trial.condition for trial in placed if trial.condition}
     return placed, Conditions(names, found)
+
+
+def _names_of_conditions(
+    trials: Sequence[TrialFiles],
+    study: Mapping[str, Patterns],
+    own: Mapping[str, Mapping[str, Patterns]],
+) -> tuple[str, ...]:
+    """Return the study's conditions; without any, those of subjects and of tables of trials."""
+    of_subjects = [name for conditions in own.values() for name in conditions]
+    of_trials = [trial.condition for trial in trials if trial.condition]
+    return tuple(study) or tuple(dict.fromkeys([*of_subjects, *of_trials]))
 
 
 def _placed(

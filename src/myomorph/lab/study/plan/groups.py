@@ -5,7 +5,7 @@ The file also says how their strides are found.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 
@@ -63,23 +63,38 @@ def groups_of(
             f" {', '.join(groups)}"
         )
         return None
-    for name, subjects in groups.items():
-        if not subjects:
-            problems.append(f"groups: '{name}' has no subjects")
-        for subject in subjects:
-            if subject not in trials:
-                problems.append(
-                    f"groups: '{name}' names subject '{subject}': there are"
-                    f" {listing(subject, tuple(trials))}"
-                )
-        if len(set(subjects)) != len(subjects):
-            problems.append(f"groups: '{name}' names a subject twice")
-    (one, first), (other, second) = groups.items()
+    problems += _wrong_members(groups, tuple(trials))
+    (first_name, first), (second_name, second) = groups.items()
     for subject in sorted(set(first) & set(second)):
         problems.append(f"groups: subject '{subject}' is in both groups")
+    return GroupPlan(
+        first=(first_name, tuple(first)),
+        second=(second_name, tuple(second)),
+        trials={subject: tuple(trial) for subject, trial in trials.items()},
+        strides=_stride_plan(strides, problems),
+    )
+
+
+def _wrong_members(groups: Mapping[str, Sequence[str]], existing: tuple[str, ...]) -> Iterator[str]:
+    """Yield a line on each group without subjects, unknown subject and subject that is repeated."""
+    for name, subjects in groups.items():
+        if not subjects:
+            yield f"groups: '{name}' has no subjects"
+        for subject in subjects:
+            if subject not in existing:
+                yield (
+                    f"groups: '{name}' names subject '{subject}': there are"
+                    f" {listing(subject, existing)}"
+                )
+        if len(set(subjects)) != len(subjects):
+            yield f"groups: '{name}' names a subject twice"
+
+
+def _stride_plan(strides: StridesTable, problems: list[str]) -> StridePlan:
+    """Read how strides are found; what is wrong is added to the problems."""
     limbs = {
-        name: (told,) if isinstance(told, str) else tuple(told)
-        for name, told in strides.limbs.items()
+        name: (bodies,) if isinstance(bodies, str) else tuple(bodies)
+        for name, bodies in strides.limbs.items()
     }
     for name, bodies in limbs.items():
         if not 1 <= len(bodies) <= 2:
@@ -89,13 +104,8 @@ def groups_of(
             )
     if strides.direction is not None and not any(strides.direction):
         problems.append("strides: direction = [0, 0, 0]: expected a vector with a length")
-    return GroupPlan(
-        first=(one, tuple(first)),
-        second=(other, tuple(second)),
-        trials={subject: tuple(trial) for subject, trial in trials.items()},
-        strides=StridePlan(
-            trunk=strides.trunk, limbs=limbs, direction=strides.direction, belt=strides.belt
-        ),
+    return StridePlan(
+        trunk=strides.trunk, limbs=limbs, direction=strides.direction, belt=strides.belt
     )
 
 
@@ -141,19 +151,26 @@ def measured_groups(
     """
     of_group = [(measures[subject].group, subject) for subject in subjects if subject in measures]
     found = grouped((group, subject) for group, subject in of_group if group)
-    if not compare:
-        if len(found) > 1:
-            quoted = ", ".join(f'"{one}"' for one in list(found)[:2])
-            remarks.append(
-                f"groups {', '.join(found)} are not compared: 'compare = [{quoted}]' under [study]"
-                " does it"
-            )
-        return {}
+    if not compare and len(found) > 1:
+        quoted = ", ".join(f'"{name}"' for name in list(found)[:2])
+        remarks.append(
+            f"groups {', '.join(found)} are not compared: 'compare = [{quoted}]' under [study]"
+            " does it"
+        )
+    return _chosen_groups(found, compare, problems) if compare else {}
+
+
+def _chosen_groups(
+    groups: dict[str, list[str]], compare: Sequence[str], problems: list[str]
+) -> dict[str, list[str]]:
+    """Return two groups by name; none where these are not two groups that exist."""
     if len(compare) != 2 or compare[0] == compare[1]:
         problems.append(f"study: compare names {len(compare)} groups: expected two that differ")
-    unknown = [one for one in compare if one not in found]
+    unknown = [name for name in compare if name not in groups]
     problems += [
-        f"study: compare: no group '{one}': there are {listing(one, tuple(found))}"
-        for one in unknown
+        f"study: compare: no group '{name}': there are {listing(name, tuple(groups))}"
+        for name in unknown
     ]
-    return {} if unknown or len(set(compare)) != 2 else {one: found[one] for one in compare}
+    if unknown or len(set(compare)) != 2:
+        return {}
+    return {name: groups[name] for name in compare}

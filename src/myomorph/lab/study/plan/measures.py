@@ -73,21 +73,62 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
     unused. Paths of models are relative to the table's folder.
     """
     where = path.name
+    table = _read_table(path, problems)
+    if table is None:
+        return {}
+    columns = _columns(table.headings, where, problems, remarks)
+    result: dict[str, Measures] = {}
+    if "subject" not in {name for name, _ in columns}:
+        return result
+    if not table.lines:
+        remarks.append(f"{where}: has a line of names, but no line of a subject")
+    for number, row in table.lines:
+        measures = _line(
+            row, columns, f"{where}, line {number}", path.parent, table.has_decimal_commas, problems
+        )
+        if measures is None:
+            continue
+        if measures.subject in result:
+            problems.append(f"{where}, line {number}: subject '{measures.subject}' is there twice")
+        else:
+            result[measures.subject] = measures
+    return result
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Cells of a table as text.
+
+    Attributes
+    ----------
+    headings : line of names
+    lines : number in the file and cells of each line that is not empty
+    has_decimal_commas : commas do not separate cells, so that they are decimal points
+    """
+
+    headings: list[str]
+    lines: list[tuple[int, list[str]]]
+    has_decimal_commas: bool
+
+
+def _read_table(path: Path, problems: list[str]) -> _Table | None:
+    """Read the cells of a table, None where it cannot be read or is empty."""
+    where = path.name
     try:
         text = content_of(path, "settings").decode("utf-8-sig")
     except BadFile as error:
         problems.append(f"measures: {error}")
-        return {}
+        return None
     except UnicodeDecodeError:
         problems.append(f"{where}: is not text in UTF-8: save the table as 'CSV UTF-8'")
-        return {}
+        return None
     first = next((line for line in text.splitlines() if line.strip()), "")
     delimiter = max(";\t,", key=first.count)
     try:
         rows = list(csv_rows(io.StringIO(text, newline=""), delimiter=delimiter))
     except csv.Error as error:
         problems.append(f"{where}: is no table of text ({error}): save it as 'CSV UTF-8'")
-        return {}
+        return None
     filled = [
         (number, row) for number, row in enumerate(rows, 1) if any(cell.strip() for cell in row)
     ]
@@ -96,22 +137,9 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
             f"{where}: is empty: expected a line of names ({', '.join(COLUMNS)}) and one line a"
             " subject"
         )
-        return {}
-    columns = _columns(filled[0][1], where, problems, remarks)
-    result: dict[str, Measures] = {}
-    if "subject" not in {name for name, _ in columns}:
-        return result
-    if len(filled) == 1:
-        remarks.append(f"{where}: has a line of names, but no line of a subject")
-    for number, row in filled[1:]:
-        one = _line(
-            row, columns, f"{where}, line {number}", path.parent, delimiter != ",", problems
-        )
-        if one is not None and one.subject in result:
-            problems.append(f"{where}, line {number}: subject '{one.subject}' is there twice")
-        elif one is not None:
-            result[one.subject] = one
-    return result
+        return None
+    (_, headings), *lines = filled
+    return _Table(headings, lines, has_decimal_commas=delimiter != ",")
 
 
 def _columns(
@@ -121,32 +149,22 @@ def _columns(
     columns: list[tuple[str, float]] = []
     unused = []
     for heading in headings:
-        parts = HEADING.match(heading)
-        name, unit = (
-            (parts["name"].lower(), parts["unit"]) if parts else (heading.strip().lower(), None)
-        )
+        name, unit = _name_and_unit(heading)
         factor = 1.0
         if name not in COLUMNS:
-            meant = "mass" if name in ("weight", "bodymass", "body mass") else name
-            if difflib.get_close_matches(meant, COLUMNS, 1, 0.75):
-                problems.append(
-                    f"{where}: unknown column '{heading.strip()}': there are"
-                    f" {listing(meant, COLUMNS)}"
-                )
-            elif name:
+            if name and not _is_misspelt(name):
                 unused.append(heading.strip())
+            elif name:
+                existing = listing(_usual_name(name), COLUMNS)
+                problems.append(
+                    f"{where}: unknown column '{heading.strip()}': there are {existing}"
+                )
             name = ""
-        elif name in (one for one, _ in columns):
+        elif name in [other for other, _ in columns]:
             problems.append(f"{where}: has two columns '{name}'")
             name = ""
-        elif unit is not None and name in UNITS and unit.lower() in UNITS[name]:
-            factor = UNITS[name][unit.lower()]
         elif unit is not None:
-            units = listing(unit, UNITS.get(name, ()))
-            problems.append(
-                f"{where}: column '{heading.strip()}': '{unit}' is no unit of {name}: there are"
-                f" {units}"
-            )
+            factor = _factor(name, unit, f"{where}: column '{heading.strip()}'", problems)
         columns.append((name, factor))
     if "subject" not in {name for name, _ in columns}:
         problems.append(
@@ -155,6 +173,31 @@ def _columns(
     if unused:
         remarks.append(f"{where}: not used: {', '.join(unused)}")
     return columns
+
+
+def _name_and_unit(heading: str) -> tuple[str, str | None]:
+    """Split a heading such as "Mass [kg]" into the name in small letters and the unit."""
+    parts = HEADING.match(heading)
+    return (parts["name"].lower(), parts["unit"]) if parts else (heading.strip().lower(), None)
+
+
+def _usual_name(name: str) -> str:
+    return "mass" if name in ("weight", "bodymass", "body mass") else name
+
+
+def _is_misspelt(name: str) -> bool:
+    """Return whether the name of a column is close to one of `COLUMNS`."""
+    return bool(difflib.get_close_matches(_usual_name(name), COLUMNS, 1, 0.75))
+
+
+def _factor(name: str, unit: str, where: str, problems: list[str]) -> float:
+    """Return the factor from a column's unit to the one used inside, 1 for an unknown unit."""
+    units = UNITS.get(name, {})
+    if unit.lower() not in units:
+        problems.append(
+            f"{where}: '{unit}' is no unit of {name}: there are {listing(unit, tuple(units))}"
+        )
+    return units.get(unit.lower(), 1.0)
 
 
 def _line(
@@ -188,16 +231,8 @@ def _line(
     }
     if sex and sex.lower() not in SEXES:
         problems.append(f"{where}: sex '{sex}': expected female or male, or nothing")
-    if model and not is_named_file(folder / model):
-        near = [
-            path.name
-            for path in (folder / model).parent.glob("*")
-            if path.suffix.lower() in (".osim", ".xml")
-        ]
-        problems.append(
-            f"{where}: model file '{model}' does not exist: there are"
-            f" {listing(Path(model).name, near)}"
-        )
+    if model:
+        _check_model_file(folder / model, model, where, problems)
     return Measures(
         subject=subject,
         model=folder / model if model else None,
@@ -207,6 +242,20 @@ def _line(
         sex=SEXES.get(sex.lower()),
         age=numbers.get("age"),
         group=texts.get("group", ""),
+    )
+
+
+def _check_model_file(path: Path, text: str, where: str, problems: list[str]) -> None:
+    """Add to the problems a model that does not exist; `text`: its cell."""
+    if is_named_file(path):
+        return
+    near = [
+        beside.name
+        for beside in path.parent.glob("*")
+        if beside.suffix.lower() in (".osim", ".xml")
+    ]
+    problems.append(
+        f"{where}: model file '{text}' does not exist: there are {listing(Path(text).name, near)}"
     )
 
 

@@ -326,9 +326,7 @@ def _plan(file: Any, path: Path, notes: Notes) -> Plan:
         for name, subject in read.tables.items()
         if subject.table.conditions
     }
-    trials, conditions = with_conditions(
-        read.trials, file.study.conditions, own, excluded, problems, notes.remarks
-    )
+    trials, conditions = with_conditions(read.trials, file.study.conditions, own, excluded, notes)
     together = tuple(together_of(table, trials, path.parent, notes) for table in file.together)
     groups = read.groups()
     return Plan(

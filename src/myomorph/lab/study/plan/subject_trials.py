@@ -46,40 +46,49 @@ def measured(
     The model is None where the table of measures names none. What both tables specify must be the
     same. A chest without a height gives no body shape and is not used.
     """
-    where = f"subject '{named.name}'"
     table = named.table
     if measures is None:
-        if table.model is None and table.model_of is None:
-            notes.problems.append(
-                f"{where}: has no model: give 'model', 'model_of', or a column 'model' in {source}"
-            )
+        if not _names_model(table):
+            notes.problems.append(_missing_model(named, f"a column 'model' in {source}"))
         return table, None
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         name: getattr(measures, name) for name in ("mass", "height", "chest", "sex", "age")
     }
-    for name, value in told.items():
+    notes.problems += _disagreements(named, values, measures.model, source)
+    if measures.model is None and not _names_model(table):
+        notes.problems.append(_missing_model(named, f"a cell 'model' in {source}"))
+    if table.skin is None and table.chest is None and not (table.height or values["height"]):
+        values["chest"] = None
+    known = {name: value for name, value in values.items() if value is not None}
+    return table.model_copy(update=known), measures.model
+
+
+def _names_model(table: SubjectTable) -> bool:
+    return table.model is not None or table.model_of is not None
+
+
+def _missing_model(named: Named, source: str) -> str:
+    return f"subject '{named.name}': has no model: give 'model', 'model_of', or {source}"
+
+
+def _disagreements(
+    named: Named, values: Mapping[str, Any], model: Path | None, source: str
+) -> Iterator[str]:
+    """Yield a line on each value that a subject's table and the table of measures both specify.
+
+    A model must stand in one of them; other values may stand in both where they are the same.
+    """
+    table = named.table
+    where = f"subject '{named.name}'"
+    for name, value in values.items():
         own = getattr(table, name)
         if None not in (own, value) and own != value:
-            notes.problems.append(
-                f"{where}: {name} is {own} here and {value} in {source}: give it in one of them"
-            )
-    model = measures.model
-    if model is not None and (table.model is not None or table.model_of is not None):
-        given = table.model or table.model_of
-        notes.problems.append(
-            f"{where}: model is '{given}' here and '{model.name}' in {source}: give it in one of"
-            " them"
+            yield f"{where}: {name} is {own} here and {value} in {source}: give it in one of them"
+    if model is not None and _names_model(table):
+        yield (
+            f"{where}: model is '{table.model or table.model_of}' here and '{model.name}' in"
+            f" {source}: give it in one of them"
         )
-    if model is None and table.model is None and table.model_of is None:
-        notes.problems.append(
-            f"{where}: has no model: give 'model', 'model_of', or a cell 'model' in {source}"
-        )
-    if table.skin is None and table.chest is None and not (table.height or told["height"]):
-        told["chest"] = None
-    return (
-        table.model_copy(update={name: value for name, value in told.items() if value is not None}),
-        model,
-    )
 
 
 def subject_files(
@@ -108,6 +117,55 @@ def subject_files(
         for given in table.passive
         for path in matching(folder, given, f"{where}: passive", problems)
     ]
+    _check_content(table, where, notes)
+    shared = located(table, "subject", named.place(notes))
+    source = model or folder / (table.model or "")
+    turn = shared.get("turn", 0.0) if table.static_turn is None else table.static_turn
+    return SubjectFiles(
+        name=named.name,
+        model=source,
+        mass=table.mass,
+        static=files["static"],
+        shape=_body_shape(table, files["skin"], files["landmarks"]),
+        trials=trials,
+        own=_own_values(table, TableOwner(source, table.mass, named.place(notes))),
+        model_of=table.model_of or "",
+        labels=shared.get("labels", FrozenMap({})),
+        static_laboratory=Laboratory(shared.get("up", ""), turn),
+        passive=tuple(passive),
+        generic=files["generic"],
+        detailed=files["detailed"],
+    )
+
+
+def _is_shaped(table: SubjectTable) -> bool:
+    """Return whether a table has a body shape; a height alone is none."""
+    return table.skin is not None or table.chest is not None
+
+
+def _body_shape(table: SubjectTable, skin: Path | None, landmarks: Path | None) -> BodyShape:
+    return BodyShape(
+        skin=skin,
+        landmarks=landmarks,
+        height=table.height if _is_shaped(table) else None,
+        chest=table.chest,
+        sex=table.sex,
+        age=table.age,
+    )
+
+
+def _own_values(table: SubjectTable, owner: TableOwner) -> ByType:
+    """Read the tables that steps bring, of those that the subject has."""
+    values = [
+        declared.read(getattr(table, declared.key), owner)
+        for declared in own_tables().values()
+        if getattr(table, declared.key) is not None
+    ]
+    return ByType().having(*values)
+
+
+def _check_content(table: SubjectTable, where: str, notes: Notes) -> None:
+    """Report what a subject's table lacks, and what its steps do not use."""
     if "personalize" not in table.steps:
         notes.remarks += [
             f"{where}: '{key}' is not used: its steps lack 'personalize'"
@@ -115,56 +173,21 @@ def subject_files(
             if getattr(table, key)
         ]
     if table.skin is None and table.height is None and table.chest is not None:
-        problems.append(
+        notes.problems.append(
             f"{where}: a body shape takes 'height' and 'chest' [m], but 'height' is missing"
         )
-    shaped = table.skin is not None or table.chest is not None
-    if table.height is not None and not shaped and "identify" in table.steps:
+    if table.height is not None and not _is_shaped(table) and "identify" in table.steps:
         notes.remarks.append(f"{where}: 'height' without 'chest' gives 'identify' no body shape")
     for step, own_table in own_tables().items():
         if step in table.steps and getattr(table, own_table.key) is None:
-            problems.append(
+            notes.problems.append(
                 f"{where}: the step '{step}' needs a table '{own_table.key}' with"
                 f" {own_table.content}"
             )
     if ("transfer" in table.steps) != (table.detailed is not None):
-        problems.append(
+        notes.problems.append(
             f"{where}: the step 'transfer' and 'detailed', the model with more joints, go together"
         )
-    shared = located(table, "subject", named.place(notes))
-    source = model or folder / (table.model or "")
-    owner = TableOwner(source, table.mass, named.place(notes))
-    own = [
-        declared.read(getattr(table, declared.key), owner)
-        for declared in own_tables().values()
-        if getattr(table, declared.key) is not None
-    ]
-    shape = BodyShape(
-        skin=files["skin"],
-        landmarks=files["landmarks"],
-        height=table.height if shaped else None,
-        chest=table.chest,
-        sex=table.sex,
-        age=table.age,
-    )
-    return SubjectFiles(
-        name=named.name,
-        model=source,
-        mass=table.mass,
-        static=files["static"],
-        shape=shape,
-        trials=trials,
-        own=ByType().having(*own),
-        model_of=table.model_of or "",
-        labels=shared.get("labels", FrozenMap({})),
-        static_laboratory=Laboratory(
-            shared.get("up", ""),
-            shared.get("turn", 0.0) if table.static_turn is None else table.static_turn,
-        ),
-        passive=tuple(passive),
-        generic=files["generic"],
-        detailed=files["detailed"],
-    )
 
 
 def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
@@ -220,34 +243,50 @@ def subject_trials(
         name = trial.name or plain_stem(recording)
         if left_out(named.name, name):
             continue
-        own = located(trial, "trial", place, leave_out=BEGINS)
-        if trial.markers or trial.motion:
-            own["markers" if trial.markers else "motion"] = recording
-        values = shared | own
-        values |= {
-            key: (*shared[key], *own[key])
-            for key in own
-            if key in shared and all_keys()[key][1].kind.adds
-        }
-        if own.get("torques") is not None and own.get("loads") is not None:
-            notes.problems.append(
-                f"{place.where}: {name}: 'torques' and 'loads' are given: give one of them"
-            )
-        beside = _beside(recording, values, named.name, notes)
-        if not (trial.markers or trial.motion):
-            # Sensors do not show where on the plates the feet are.
-            beside.pop("loads", None)
-        inputs = settings_of_keys(values | beside)
         yield (
             TrialFiles(
                 model=model or file or named.folder,
                 name=name,
                 subject=named.name,
-                inputs=inputs,
+                inputs=_trial_inputs(named, trial, recording, name, shared, notes),
                 condition=trial.condition,
             ),
             given_options(trial),
         )
+
+
+def _trial_inputs(
+    subject: Named,
+    trial: Any,
+    recording: Path,
+    name: str,
+    shared: Mapping[str, Any],
+    notes: Notes,
+) -> ByType:
+    """Return settings of the inputs of a trial.
+
+    `trial`: its table; `name`: of the trial; `shared`: values that all trials of the subject have,
+    by key.
+    """
+    place = subject.place(notes)
+    own = located(trial, "trial", place, leave_out=BEGINS)
+    if trial.markers or trial.motion:
+        own["markers" if trial.markers else "motion"] = recording
+    values = dict(shared) | own
+    values |= {
+        key: (*shared[key], *own[key])
+        for key in own
+        if key in shared and all_keys()[key][1].kind.adds
+    }
+    if own.get("torques") is not None and own.get("loads") is not None:
+        notes.problems.append(
+            f"{place.where}: {name}: 'torques' and 'loads' are given: give one of them"
+        )
+    beside = _beside(recording, values, subject.name, notes)
+    if not (trial.markers or trial.motion):
+        # Sensors do not show where on the plates the feet are.
+        beside.pop("loads", None)
+    return settings_of_keys(values | beside)
 
 
 def located(table: Any, per: str, place: Place, leave_out: Sequence[str] = ()) -> dict[str, Any]:

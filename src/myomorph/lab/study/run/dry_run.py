@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 from myomorph.core.io.frame_count import FrameCount, count_frames
 from myomorph.core.model.errors import MyomorphError, counted
@@ -129,21 +130,8 @@ def _row(
 ) -> Row:
     """Find what a run would do of one job."""
     frames = work.frames(count)
-    problem = ""
-    there = work.folder.is_dir() and any(work.folder.iterdir())
-    why: Mapping[str, tuple[str, ...]] = dict.fromkeys(
-        work.steps, (AFTER_OTHERS if awaits else NEVER,)
-    )
-    if fresh or not there:
-        why = dict.fromkeys(work.steps, (FRESH if there else NEVER,))
-    if isinstance(model, MyomorphError):
-        problem = "" if awaits else " ".join(str(model).split())
-    elif there and not fresh and not awaits:
-        try:
-            why = work.reasons(model)
-        except MyomorphError as error:
-            problem = " ".join(str(error).split())
-    computed = [step for step, reasons in why.items() if reasons]
+    found = _reasons(work, model, fresh, awaits)
+    computed = [step for step, reasons in found.by_step.items() if reasons]
     taken = dict.fromkeys(computed)
     if not isinstance(model, MyomorphError):
         muscles = 0 if model is None else len(model.muscles)
@@ -151,22 +139,62 @@ def _row(
             step: times.expected(step, work.settings.get(step, {}), muscles, frames)
             for step in computed
         }
-    for recording in work.recordings:
-        if recording.time is not None and count(recording.path).within(recording.time) == 0:
-            start, end = recording.time
-            problem = (
-                problem
-                or f"{recording.path}: has no frame from {start:g} to {end:g} s, the time asked for"
-            )
     unknown = tuple(step for step, seconds in taken.items() if seconds is None)
     return Row(
         work=work,
         frames=frames,
-        reasons=why,
+        reasons=found.by_step,
         seconds=sum(seconds or 0.0 for seconds in taken.values()),
         unknown=unknown,
-        problem=problem,
+        problem=found.problem or _outside_recordings(work, count),
     )
+
+
+class _Reasons(NamedTuple):
+    """Why the steps of a job would be computed, () where they would be reused.
+
+    `problem`: what prevents a look at it.
+    """
+
+    by_step: Mapping[str, tuple[str, ...]]
+    problem: str = ""
+
+
+def _reasons(
+    work: Work, model: Model | MyomorphError | None, fresh: bool, awaits: bool
+) -> _Reasons:
+    """Compare the earlier results of a job with what it would do now."""
+    has_results = work.folder.is_dir() and any(work.folder.iterdir())
+    if fresh and has_results:
+        reason = FRESH
+    elif awaits and has_results:
+        reason = AFTER_OTHERS
+    else:
+        reason = NEVER
+    alike = dict.fromkeys(work.steps, (reason,))
+    if awaits:
+        return _Reasons(alike)
+    if isinstance(model, MyomorphError):
+        return _Reasons(alike, _one_line(model))
+    if fresh or not has_results:
+        return _Reasons(alike)
+    try:
+        return _Reasons(work.reasons(model))
+    except MyomorphError as error:
+        return _Reasons(alike, _one_line(error))
+
+
+def _one_line(error: MyomorphError) -> str:
+    return " ".join(str(error).split())
+
+
+def _outside_recordings(work: Work, count: Callable[[Path], FrameCount]) -> str:
+    """Name the first recording that has no frame in the requested time, "" for none."""
+    for recording in work.recordings:
+        if recording.time is not None and count(recording.path).within(recording.time) == 0:
+            start, end = recording.time
+            return f"{recording.path}: has no frame from {start:g} to {end:g} s, the time asked for"
+    return ""
 
 
 HEADING = ("subject", "trial", "condition", "frames", "reused", "computed", "time", "files")

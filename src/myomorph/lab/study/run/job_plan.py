@@ -48,7 +48,7 @@ from myomorph.lab.study.trial.trial_step import StepResults
 TABLES = "tables"
 
 
-def open_trial_steps(
+def _open_trial_steps(
     model: Model | None,
     read: str,
     fresh: bool,
@@ -66,7 +66,7 @@ def open_trial_steps(
     )
 
 
-def open_subject_steps(
+def _open_subject_steps(
     model: Model | None,
     read: str,
     fresh: bool,
@@ -83,34 +83,25 @@ def open_subject_steps(
     )
 
 
-def open_pair_steps(
-    model: Model | None,
-    read: str,
-    fresh: bool,
-    *,
-    together: Together,
-    parts: Mapping[str, TrialFiles],
-    homes: Mapping[str, Path],
-    models: Mapping[Path, MadeModel],
-    settings: Mapping[str, Settings],
-    common: Settings,
-    folder: Path,
-) -> JobSteps:
-    """Open the steps of several trials as one, from the coordinates that their own steps found.
+@dataclass(frozen=True)
+class _SubjectPart:
+    """The trial of a subject that is solved with those of others.
 
-    By the name of the part, `parts` are its recording and `homes` the folder of its results.
-    `models` are by file those that a subject's own steps made. `settings` are of the steps for each
-    part, and `common` ones of all as one.
+    Attributes
+    ----------
+    files : of the trial
+    home : folder of the results of its own steps
+    settings : of its own steps
     """
-    opened: dict[Path, Model] = {}
-    joined: dict[str, Part] = {}
-    for subject, files in parts.items():
-        if files.model not in opened:
-            opened[files.model] = (
-                models[files.model].open() if files.model in models else open_model(files.model)
-            )
-        path = homes[subject] / f"{file_name(files.name)}{STORED}"
-        trial = open_trial(files, settings[subject], opened[files.model])
+
+    files: TrialFiles
+    home: Path
+    settings: Settings
+
+    def joined(self, subject: str, model: Model) -> Part:
+        """Read the coordinates that its own steps found."""
+        path = self.home / f"{file_name(self.files.name)}{STORED}"
+        trial = open_trial(self.files, self.settings, model)
         stored = read_result(path, large_variables())
         poses = ik.STEP.read(stored, trial.options)
         if poses is None:
@@ -118,12 +109,37 @@ def open_pair_steps(
                 f"{path}: holds no coordinates: run the step 'ik' of subject '{subject}' first"
             )
         recorded = poses.recorded if trial.time is None else cut(poses.recorded, *trial.time)
-        joined[subject] = Part(
+        return Part(
             trial=trial,
             recorded=recorded,
-            source=str(files.model),
+            source=str(self.files.model),
             made=stored.provenance["ik"].key,
         )
+
+
+def _open_pair_steps(
+    model: Model | None,
+    read: str,
+    fresh: bool,
+    *,
+    together: Together,
+    parts: Mapping[str, _SubjectPart],
+    models: Mapping[Path, MadeModel],
+    common: Settings,
+    folder: Path,
+) -> JobSteps:
+    """Open the steps of several trials as one, from the coordinates that their own steps found.
+
+    `parts` are by subject; `models` are by file those that a subject's own steps made; `common`
+    settings are of the steps of all as one.
+    """
+    opened: dict[Path, Model] = {}
+    joined: dict[str, Part] = {}
+    for subject, part in parts.items():
+        file = part.files.model
+        if file not in opened:
+            opened[file] = models[file].open() if file in models else open_model(file)
+        joined[subject] = part.joined(subject, opened[file])
     joined |= {table.name: object_part(table, path) for table, path in together.objects}
     trial, start = join_trials(together, joined, common)
     return TrialSteps(
@@ -135,7 +151,7 @@ def open_pair_steps(
     )
 
 
-def open_study_steps(
+def _open_study_steps(
     model: Model | None, read: str, fresh: bool, *, inputs: StudyInputs, key: Key
 ) -> JobSteps:
     """Open what is done for the whole study."""
@@ -230,7 +246,7 @@ class _Works:
                 scope="subject",
                 outcome=Outcome(name, "", home),
                 steps=steps,
-                open=partial(open_subject_steps, files=files, settings=settings, folder=home),
+                open=partial(_open_subject_steps, files=files, settings=settings, folder=home),
                 needs=((self.plan.maker(begins), ""),) if begins else (),
                 model=files.model,
                 settings=settings,
@@ -255,7 +271,7 @@ class _Works:
                 outcome=outcome_of(key, home, condition=files.condition),
                 steps=steps,
                 open=partial(
-                    open_trial_steps, files=files, steps=steps, settings=settings, folder=home
+                    _open_trial_steps, files=files, steps=steps, settings=settings, folder=home
                 ),
                 needs=((maker, ""),) if maker else (),
                 model=files.model,
@@ -271,7 +287,15 @@ class _Works:
         Their coordinates are enough: their later steps may fail, but their models must exist.
         """
         keys = tuple(together.trials.items())
-        parts = {subject: self.used[subject, trial] for subject, trial in keys}
+        parts = {
+            subject: _SubjectPart(
+                files=self.used[subject, trial],
+                home=self.plan.home(self.out, subject, trial),
+                settings=self.plan.settings_of(subject, trial),
+            )
+            for subject, trial in keys
+        }
+        files = [part.files for part in parts.values()]
         made = {model.path: model for model in self.made.values()}
         makers = dict.fromkeys(self.maker(name) for name in together.trials)
         home = self.out / file_name(together.name)
@@ -281,20 +305,10 @@ class _Works:
                 outcome=Outcome(together.name, together.name, home),
                 steps=(*STEPS["pair"], REPORT),
                 open=partial(
-                    open_pair_steps,
+                    _open_pair_steps,
                     together=together,
                     parts=parts,
-                    homes={
-                        subject: self.plan.home(self.out, subject, trial) for subject, trial in keys
-                    },
-                    models={
-                        files.model: made[files.model]
-                        for files in parts.values()
-                        if files.model in made
-                    },
-                    settings={
-                        subject: self.plan.settings_of(subject, trial) for subject, trial in keys
-                    },
+                    models={each.model: made[each.model] for each in files if each.model in made},
                     common=self.plan.settings,
                     folder=home,
                 ),
@@ -302,7 +316,7 @@ class _Works:
                 after=keys,
                 settings=self.plan.settings,
                 files=tuple("/".join(key) for key in keys),
-                recordings=_recordings(*parts.values()),
+                recordings=_recordings(*files),
             )
         )
 
@@ -313,7 +327,7 @@ class _Works:
         for step in STEPS["study"]:
             if step_of(step, "study").applies(inputs):
                 key = GATHERED if step == TABLES else (step, "")
-                opened = partial(open_study_steps, inputs=inputs, key=key)
+                opened = partial(_open_study_steps, inputs=inputs, key=key)
                 outcome = outcome_of(key, self.out)
                 works.append(Work(scope="study", outcome=outcome, steps=(step,), open=opened))
         return tuple(works)

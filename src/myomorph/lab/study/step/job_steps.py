@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import time
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import PurePath
@@ -157,34 +157,38 @@ def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:
     old = grouped((source.role, source) for source in before)
     new = grouped((source.role, source) for source in after)
     for role in dict.fromkeys((*old, *new)):
-        before_role = old.get(role, [])
-        after_role = new.get(role, [])
-        gone = [
-            source
-            for source in before_role
-            if source.sha256 not in {other.sha256 for other in after_role}
-        ]
-        come = [
-            source
-            for source in after_role
-            if source.sha256 not in {other.sha256 for other in before_role}
-        ]
-        for source in come:
-            same = next((other for other in gone if other.name == source.name), None)
-            if same is None and len(gone) == len(come) == 1:
-                same = gone[0]
-            if same is None:
-                result.append(f"{role} {_name(source)} is new")
-                continue
-            gone.remove(same)
-            moved = _name(same) != _name(source)
-            result.append(
-                f"{role} {_name(same)} -> {_name(source)}"
-                if moved
-                else f"{role} {_name(source)} has changed"
-            )
-        result += [f"{role} {_name(source)} is no longer used" for source in gone]
+        gone = _missing_in(new.get(role, []), old.get(role, []))
+        come = _missing_in(old.get(role, []), new.get(role, []))
+        result += [f"{role} {change}" for change in _changes_of_role(gone, come)]
     return result
+
+
+def _missing_in(sources: Sequence[Source], others: Sequence[Source]) -> list[Source]:
+    """Return those of the others whose content none of the sources has."""
+    contents = {source.sha256 for source in sources}
+    return [other for other in others if other.sha256 not in contents]
+
+
+def _changes_of_role(gone: list[Source], come: Sequence[Source]) -> Iterator[str]:
+    """Yield what became of the inputs of a role; an input of the same name has changed.
+
+    One that is `gone` and one that has `come` are taken for the same under another name.
+    """
+    gone = list(gone)
+    for source in come:
+        same = next((other for other in gone if other.name == source.name), None)
+        if same is None and len(gone) == len(come) == 1:
+            same = gone[0]
+        if same is None:
+            yield f"{_name(source)} is new"
+            continue
+        gone.remove(same)
+        if _name(same) == _name(source):
+            yield f"{_name(source)} has changed"
+        else:
+            yield f"{_name(same)} -> {_name(source)}"
+    for source in gone:
+        yield f"{_name(source)} is no longer used"
 
 
 def _name(source: Source) -> str:
