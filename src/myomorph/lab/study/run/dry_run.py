@@ -130,7 +130,7 @@ def _row(
 ) -> Row:
     """Find what a run would do of one job."""
     frames = work.frames(count)
-    found = _reasons(work, model, fresh, awaits)
+    found = _compared(work, model, fresh, awaits)
     computed = [step for step, reasons in found.by_step.items() if reasons]
     taken = dict.fromkeys(computed)
     if not isinstance(model, MyomorphError):
@@ -150,7 +150,7 @@ def _row(
     )
 
 
-class _Reasons(NamedTuple):
+class _Comparison(NamedTuple):
     """Why the steps of a job would be computed, () where they would be reused.
 
     `problem`: what prevents a look at it.
@@ -160,9 +160,9 @@ class _Reasons(NamedTuple):
     problem: str = ""
 
 
-def _reasons(
+def _compared(
     work: Work, model: Model | MyomorphError | None, fresh: bool, awaits: bool
-) -> _Reasons:
+) -> _Comparison:
     """Compare the earlier results of a job with what it would do now."""
     has_results = work.folder.is_dir() and any(work.folder.iterdir())
     if fresh and has_results:
@@ -173,15 +173,15 @@ def _reasons(
         reason = NEVER
     alike = dict.fromkeys(work.steps, (reason,))
     if awaits:
-        return _Reasons(alike)
+        return _Comparison(alike)
     if isinstance(model, MyomorphError):
-        return _Reasons(alike, _one_line(model))
+        return _Comparison(alike, _one_line(model))
     if fresh or not has_results:
-        return _Reasons(alike)
+        return _Comparison(alike)
     try:
-        return _Reasons(work.reasons(model))
+        return _Comparison(work.reasons(model))
     except MyomorphError as error:
-        return _Reasons(alike, _one_line(error))
+        return _Comparison(alike, _one_line(error))
 
 
 def _one_line(error: MyomorphError) -> str:
