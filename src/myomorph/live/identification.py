@@ -27,7 +27,12 @@ from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.model.surface import Surface
 from myomorph.core.motion.online import SteadyFrame
 from myomorph.lab.store.settings import with_settings
-from myomorph.lab.study.subject.identifying import SubjectMotion, _surfaces, open_motions
+from myomorph.lab.study.subject.identifying import (
+    MotionFiles,
+    SubjectMotion,
+    _surfaces,
+    open_motions,
+)
 from myomorph.live.chain import Poses
 from myomorph.live.identification_page import Clock, Display, TerminalDisplay, WebDisplay
 from myomorph.live.loop import SOLVED, Delays, follow
@@ -360,9 +365,8 @@ def live_motions(
     live = with_settings(LiveOptions(), settings)
     online = with_settings(OnlineOptions(), settings)
     run = partial(run_live, model, mass=mass, live=live, online=online, surfaces=_surfaces(model))
-    opened = (
-        [] if live.lsl_markers or live.lsl_forces else open_motions(model, motions, loads, time)
-    )
+    files = MotionFiles(motions=motions, loads=loads)
+    opened = [] if live.lsl_markers or live.lsl_forces else open_motions(model, files, time)
     if not opened:
         # Streams; where none are named either, this says so.
         result = run()

@@ -20,7 +20,7 @@ from myomorph.lab.study.inputs.external_forces import on_feet, plate_wrenches, r
 from myomorph.lab.study.inputs.keys import keys_of
 from myomorph.lab.study.inputs.loads import LoadsFile, loads_by_name
 from myomorph.lab.study.inputs.reading import open_model, read_motion
-from myomorph.lab.study.subject.identifying import open_motions
+from myomorph.lab.study.subject.identifying import MotionFiles, open_motions
 
 FOLDER = "rajagopal-walk-emg"
 
@@ -229,17 +229,16 @@ def test_an_idle_plate_of_a_recording_does_not_end_inverse_dynamics(walk) -> Non
 
 def test_identification_takes_tables_too(walk, data) -> None:
     model, motion, named = walk
-    (one,) = open_motions(
-        model, [data(f"{FOLDER}/coordinates.sto")], [data(f"{FOLDER}/grf_walk.mot")]
+    files = MotionFiles(
+        motions=[data(f"{FOLDER}/coordinates.sto")], loads=[data(f"{FOLDER}/grf_walk.mot")]
     )
+    (one,) = open_motions(model, files)
     for body in ("calcn_r", "calcn_l"):
         np.testing.assert_allclose(
             by_body(one.wrenches, body, motion), by_body(named, body, motion), atol=0.5
         )
     bodies = LoadsFile(bodies={"ground_force_r_": "calcn_r", "ground_force_l_": "calcn_l"})
-    (same,) = open_motions(
-        model, [data(f"{FOLDER}/coordinates.sto")], [data(f"{FOLDER}/grf_walk.mot")], named=bodies
-    )
+    (same,) = open_motions(model, replace(files, bodies=bodies))
     assert set(same.wrenches.bodies) == {"calcn_r", "calcn_l"}
 
 

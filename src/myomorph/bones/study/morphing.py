@@ -53,7 +53,7 @@ from myomorph.lab.study.step.folder_steps import FolderOutput
 from myomorph.lab.study.step.own_table import OwnTable
 from myomorph.lab.study.step.step import Step
 from myomorph.lab.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.lab.study.subject.subjects import write_made_model
+from myomorph.lab.study.subject.subjects import ModelOutput, write_made_model
 
 # Agreement of a bone's normals with the target's below which another bone is tried.
 POOR_AGREEMENT = 0.95
@@ -211,7 +211,7 @@ def write_morphed(
     drawn = with_bones(
         morphed.morph.model, {body: f"{tables.name}/{file}" for body, file in files.items()}
     )
-    return write_made_model(drawn, morphed.provenance, out, tables, fill)
+    return write_made_model(drawn, morphed.provenance, ModelOutput(out, tables), fill)
 
 
 def with_bones(model: Model, files: Mapping[str, str]) -> Model:

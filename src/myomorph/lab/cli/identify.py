@@ -73,31 +73,42 @@ def identify_command(
     from myomorph.lab.study.inputs.reading import open_model
     from myomorph.lab.study.inputs.time_span import TimeSpan
     from myomorph.lab.study.subject import identifying
-    from myomorph.lab.study.subject.subject_files import BodyShape
+    from myomorph.lab.study.subject.subject_files import BodyShape, KnownBody
     from myomorph.lab.study.subject.subjects import tables_folder
 
     flags.use_threads(threads)
     tables = tables_folder(out, identifying.STEP.tables, (model,))
     settings = flags.settings_dict(options)
     shape = BodyShape(skin=skin, landmarks=landmarks, height=height, chest=chest, sex=sex, age=age)
+    body = KnownBody(shape=shape, mass=mass)
     scaled = open_model(model)
     shared = flags.inputs_of_flags(inputs)
-    named = shared.or_default(LoadsFile)
+    bodies = shared.or_default(LoadsFile)
     time = shared.or_default(TimeSpan).time
     forces = with_settings(ForceOptions(), settings)
     chosen_source = next((SOURCES[name] for name in flags.switched_on(switches)), None)
     if chosen_source is not None:
         motions = load(chosen_source.open)(scaled, motion, loads, mass, time, settings)
     else:
-        motions = identifying.open_motions(scaled, motion, loads, time, named=named, forces=forces)
+        motions = identifying.open_motions(
+            scaled,
+            identifying.MotionFiles(motions=motion, loads=loads, bodies=bodies),
+            time,
+            forces,
+        )
     motions += identifying.open_motions(
-        scaled, check_motion, check_loads, held_out=True, named=named, forces=forces
+        scaled,
+        identifying.MotionFiles(
+            motions=check_motion, loads=check_loads, bodies=bodies, held_out=True
+        ),
+        forces=forces,
     )
     sources = identifying.input_sources(
         model, (*motion, *check_motion), (*loads, *check_loads), shape
     )
-    chosen = identifying.IdentifyOptions.of(settings)
-    identified = identifying.identify_subject(scaled, motions, shape, mass, chosen, sources)
+    identified = identifying.identify_subject(
+        scaled, motions, body, identifying.IdentifyOptions.of(settings), sources
+    )
     lost = identifying.write_identified(identified, out, tables)
     notes = (*scaled.warnings, *identified.found.notes, *lost)
     return made(out, tables, identifying.summary(identified), notes)

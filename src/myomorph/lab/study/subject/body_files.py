@@ -24,7 +24,7 @@ from myomorph.lab.report.body_page import (
 from myomorph.lab.report.page.parts import Note, PageHead
 from myomorph.lab.store.results import provenance_of
 from myomorph.lab.study.step.folder_steps import result_folder
-from myomorph.lab.study.subject.subjects import tables_folder, write_made_model
+from myomorph.lab.study.subject.subjects import ModelOutput, tables_folder, write_made_model
 
 MODEL = "body"
 """Name of the model where a folder is asked for."""
@@ -98,7 +98,7 @@ def make_body(out: Path, person: Measured) -> MadeBody:
         def fill(folder: Path) -> None:
             _write_tables(shape, segments, folder, made)
 
-        write_made_model(model, made, out, tables, fill, shape.notes)
+        write_made_model(model, made, ModelOutput(out, tables), fill, shape.notes)
         _write_skins(shape, path)
     else:
         with result_folder(out, made, shape.notes) as folder:

@@ -39,7 +39,7 @@ from myomorph.lab.study.subject.subject_files import (
     SubjectInputs,
     recordings_provenance,
 )
-from myomorph.lab.study.subject.subjects import Made, write_made_model, write_rows
+from myomorph.lab.study.subject.subjects import Made, ModelOutput, write_made_model, write_rows
 from myomorph.lab.study.trial.steps.ik import UsedMarkers, used_markers
 
 FINDINGS = "findings.json"  # What checks of the markers found, in the folder of tables.
@@ -153,7 +153,9 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path) -> tuple[s
         write_notes(folder, messages_of_findings(calibrated.findings))
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
 
-    return write_made_model(calibration.model, calibrated.provenance, out, tables, fill)
+    return write_made_model(
+        calibration.model, calibrated.provenance, ModelOutput(out, tables), fill
+    )
 
 
 def length_rows(calibration: Calibration) -> list[dict[str, object]]:

@@ -53,34 +53,51 @@ def subject_gains(trials: Sequence[TrialInputs]) -> tuple[SubjectGains, Mapping[
             " that do"
         )
     muscles = _muscles(used)
-    recorded_emg = {trial.name: trial.inputs[RecordedEmg] for trial in used}
-    scale = common_scale([whole.scale for whole in recorded_emg.values()])
-    emg_trials = []
-    maxima = dict[str, float]()
-    for trial in used:
-        recorded_channels = recorded_emg[trial.name]
-        motion = trial.get(RecordedMotion)
-        with progress(f"{trial.name}: EMG and torques", 1, "trials") as advance:
-            recorded = solve_kinematics(trial).fit.motion if motion is None else motion.motion
-            dynamics = solve_dynamics(trial, recorded)
-            emg = rescaled(recorded_channels.emg, recorded_channels.scale, scale)
-            emg_trials.append(EmgTrial(dynamics.motion, dynamics.torques, emg))
-            for name, maximum in recorded_channels.maxima.items():
-                # Of the same contractions, in the units that all trials have now.
-                maxima[name] = (
-                    maximum * recorded_channels.scale.get(name, 1.0) / scale.get(name, 1.0)
-                )
-            advance(1)
+    scale = common_scale([trial.inputs[RecordedEmg].scale for trial in used])
+    emg_trials = [_emg_trial(trial, scale) for trial in used]
     first = used[0]
     tension = first.options[TensionOptions]
     beside = first.get(Actuators)
-    actuators = added_reserves(first.model, tension) if beside is None else beside.actuators
-    largest = {name: maximum for name, maximum in maxima.items() if name in muscles}
-    emg_options = first.options[EmgOptions]
     calibration = calibrate_emg(
-        first.model, emg_trials, muscles, emg_options, tension, actuators, largest
+        first.model,
+        emg_trials,
+        muscles,
+        first.options[EmgOptions],
+        tension,
+        added_reserves(first.model, tension) if beside is None else beside.actuators,
+        _maxima(used, muscles, scale),
     )
     return SubjectGains(calibration, scale), parts
+
+
+def _emg_trial(trial: TrialInputs, scale: Mapping[str, float]) -> EmgTrial:
+    """Solve a trial for the torques that its EMG is compared with.
+
+    `scale`: what envelopes of each channel are divided by, in all trials.
+    """
+    recorded_emg = trial.inputs[RecordedEmg]
+    motion = trial.get(RecordedMotion)
+    with progress(f"{trial.name}: EMG and torques", 1, "trials") as advance:
+        recorded = solve_kinematics(trial).fit.motion if motion is None else motion.motion
+        dynamics = solve_dynamics(trial, recorded)
+        emg = rescaled(recorded_emg.emg, recorded_emg.scale, scale)
+        advance(1)
+    return EmgTrial(dynamics.motion, dynamics.torques, emg)
+
+
+def _maxima(
+    trials: Sequence[TrialInputs], muscles: Mapping[str, object], scale: Mapping[str, float]
+) -> dict[str, float]:
+    """Return envelopes of maximum voluntary contractions, of channels that have muscles.
+
+    They are of the same contractions in all trials, in the units that all trials have now.
+    """
+    return {
+        name: maximum * emg.scale.get(name, 1.0) / scale.get(name, 1.0)
+        for emg in (trial.inputs[RecordedEmg] for trial in trials)
+        for name, maximum in emg.maxima.items()
+        if name in muscles
+    }
 
 
 def _left_out(trial: TrialInputs) -> str:

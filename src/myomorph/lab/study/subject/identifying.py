@@ -49,10 +49,11 @@ from myomorph.lab.study.subject.found_errors import identified_errors
 from myomorph.lab.study.subject.subject_files import (
     BodyOptions,
     BodyShape,
+    KnownBody,
     SubjectInputs,
     recordings_provenance,
 )
-from myomorph.lab.study.subject.subjects import Made, write_made_model
+from myomorph.lab.study.subject.subjects import Made, ModelOutput, write_made_model
 from myomorph.lab.study.trial.steps.ik import trial_motion
 
 MAPS = {"bone": "w_b", "cog": "w_d", "nearest": "w_n", OWN: "own link"}
@@ -106,28 +107,43 @@ class Identified(Made[Identification]):
     validation: Mapping[str, CrossValidation]
 
 
+@dataclass(frozen=True, kw_only=True)
+class MotionFiles:
+    """Files of a subject's motions and of their forces, in pairs in their order.
+
+    Attributes
+    ----------
+    motions : coordinates over time
+    loads : external forces of each
+    bodies : that forces act on, where they are not the nearest feet
+    held_out : masses are not fitted to these motions
+    """
+
+    motions: Sequence[Path]
+    loads: Sequence[Path]
+    bodies: LoadsFile = field(default_factory=LoadsFile)
+    held_out: bool = False
+
+
 def open_motions(
     model: Model,
-    motions: Sequence[Path],
-    loads: Sequence[Path],
+    files: MotionFiles,
     time: tuple[float, float] | None = None,
-    held_out: bool = False,
-    named: LoadsFile | None = None,
     forces: ForceOptions | None = None,
 ) -> list[SubjectMotion]:
-    """Read motions and their forces, in pairs in the order given.
+    """Read motions and their forces.
 
-    `named` are bodies that forces act on, where they are not the nearest feet, `forces` how forces
-    are checked and corrected, and their clock.
+    `time`: start and end of what is used [s], None for all; `forces`: how forces are checked and
+    corrected, and their clock. Raises `BadData` where motions and forces are not in pairs.
     """
-    if len(motions) != len(loads):
+    if len(files.motions) != len(files.loads):
         raise BadData(
-            f"{len(motions)} motions but {len(loads)} files of forces: give one of each for every"
-            " recording, in the same order"
+            f"{len(files.motions)} motions but {len(files.loads)} files of forces: give one of each"
+            " for every recording, in the same order"
         )
     result = []
-    bodies = named or LoadsFile()
-    for motion_path, loads_path in zip(motions, loads, strict=True):
+    bodies = files.bodies
+    for motion_path, loads_path in zip(files.motions, files.loads, strict=True):
         motion = reading.read_motion(motion_path, model)
         cut_to = reading.cut_to(time, motion, motion_path)
         wrenches = read_loads(
@@ -139,7 +155,7 @@ def open_motions(
                 motion=motion,
                 wrenches=wrenches,
                 time=cut_to,
-                held_out=held_out,
+                held_out=files.held_out,
             )
         )
     return result
@@ -163,15 +179,14 @@ def check_mass(model: Model, mass: float | None) -> float:
 def identify_subject(
     model: Model,
     motions: Sequence[SubjectMotion],
-    shape: BodyShape,
-    mass: float | None,
+    body: KnownBody,
     options: IdentifyOptions,
     sources: Sequence[Source] = (),
 ) -> Identified:
     """Identify the masses of a scaled model from a subject's motions."""
-    mass = check_mass(model, mass)
+    mass = check_mass(model, body.mass)
     used = list[Usable]()
-    unseen = list[Usable]()
+    held_out = list[Usable]()
     for part in motions:
         recording = usable(
             model,
@@ -182,11 +197,11 @@ def identify_subject(
             name=part.name,
             options=options.recording,
         )
-        (unseen if part.held_out else used).append(recording)
+        (held_out if part.held_out else used).append(recording)
     if not used:
         raise BadData("no motion to identify from: give at least one with its forces")
     points, inside, notes_of_points = body_points(
-        model, shape, mass, options.body, options.identification.compare, _surfaces(model)
+        model, body.shape, mass, options.body, options.identification.compare, _surfaces(model)
     )
     ways = len(points) + 1 if options.identification.compare else 1
     # The matrices are small: waking further threads of BLAS for them costs more than they save.
@@ -202,7 +217,7 @@ def identify_subject(
             inside=inside,
             options=options.identification,
             recording=options.recording,
-            unseen=unseen,
+            unseen=held_out,
             advance=advance,
         )
     force_notes = (
@@ -212,17 +227,23 @@ def identify_subject(
     notes = (*identification.notes, *force_notes, *notes_of_points)
     notes += _unfiltered(model, motions, options.recording)
     identification = replace(identification, notes=notes)
+    made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
+    return Identified(identification, made, validation=_validation(model, identification, held_out))
+
+
+def _validation(
+    model: Model, identification: Identification, held_out: Sequence[Usable]
+) -> FrozenMap[str, CrossValidation]:
+    """Compare the forces of held-out recordings with those of each model's masses, by name."""
     models = {
         name: with_inertial_parameters(model, identification.parameters[name])
         for name in (identification.identified, SHAPE, GENERIC)
     }
     tissue = identification.soft_tissue
     tissues = {} if tissue is None else {identification.identified: tissue, SHAPE: tissue}
-    validation = {
-        recording.name: cross_validate(models, recording.recording, tissues) for recording in unseen
-    }
-    made = provenance_of("identify", sources, {"mass": mass, **options.plain()})
-    return Identified(identification, made, validation=FrozenMap(validation))
+    return FrozenMap(
+        {each.name: cross_validate(models, each.recording, tissues) for each in held_out}
+    )
 
 
 def _unfiltered(
@@ -266,7 +287,9 @@ def write_identified(
     def fill(folder: Path) -> None:
         _write_tables(identified, folder, name)
 
-    return write_made_model(model, identified.provenance, out, tables, fill, identified.found.notes)
+    return write_made_model(
+        model, identified.provenance, ModelOutput(out, tables), fill, identified.found.notes
+    )
 
 
 def _write_tables(identified: Identified, folder: Path, subject: str) -> None:
@@ -421,7 +444,8 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
             f"subject '{files.name}': no trial has external forces, so 'identify' has nothing to"
             " hold masses against"
         )
-    identified = identify_subject(subject.model, motions, files.shape, files.mass, options)
+    body = KnownBody(shape=files.shape, mass=files.mass)
+    identified = identify_subject(subject.model, motions, body, options)
     write_identified(
         replace(identified, provenance=output.made), output.path("model"), output.tables, files.name
     )

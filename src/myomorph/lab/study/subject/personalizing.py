@@ -45,7 +45,7 @@ from myomorph.lab.study.subject.subject_files import (
     SubjectInputs,
     recordings_provenance,
 )
-from myomorph.lab.study.subject.subjects import Made, write_made_model, write_rows
+from myomorph.lab.study.subject.subjects import Made, ModelOutput, write_made_model, write_rows
 from myomorph.lab.study.trial.steps.id import solve_dynamics
 from myomorph.lab.study.trial.steps.ik import recorded_poses, solve_kinematics
 from myomorph.lab.study.trial.trial_inputs import TrialFiles, TrialInputs, open_trial
@@ -86,6 +86,16 @@ class PersonalFiles:
         if self.motion and not (self.loads or self.torques):
             raise BadData("motions without torques: give --loads, or --torques of inverse dynamics")
 
+    def inputs_of(self, index: int) -> ByType:
+        """Return settings of the inputs of a recording."""
+        loads = self.inputs.or_default(LoadsFile)
+        channels = self.inputs.or_default(EmgFiles)
+        return self.inputs.having(
+            MotionFile(self.motion[index]),
+            replace(loads, loads=self.loads[index]) if self.loads else None,
+            replace(channels, emg=self.emg[index]) if self.emg else None,
+        )
+
 
 def personalize_files(
     files: PersonalFiles, settings: Mapping[str, Any], model: Model | None = None
@@ -94,22 +104,13 @@ def personalize_files(
     files.check()
     model = reading.open_model(files.model) if model is None else model
     options = with_settings(PersonalizeOptions(), settings)
-    of_forces = {field.name for kind in (Differentiation, ForceOptions) for field in fields(kind)}
-    cutoff = {
-        name: value for name, value in settings.items() if name in of_forces and value is not None
-    }
+    of_motion = _settings_of_motion(settings)
     warnings = list(model.warnings)
     sources = [file_source("model", files.model)]
     trials = []
-    named = files.inputs.or_default(LoadsFile)
-    channels = files.inputs.or_default(EmgFiles)
     for index, motion in enumerate(files.motion):
-        recorded = files.inputs.having(
-            MotionFile(motion),
-            replace(named, loads=files.loads[index]) if files.loads else None,
-            replace(channels, emg=files.emg[index]) if files.emg else None,
-        )
-        trial = open_trial(TrialFiles(files.model, inputs=recorded), {"tension": cutoff}, model)
+        recorded = TrialFiles(files.model, inputs=files.inputs_of(index))
+        trial = open_trial(recorded, {"tension": of_motion}, model)
         warnings += [text for text in trial.warnings if text not in warnings]
         sources += [source for source in trial.sources if source not in sources]
         table = files.torques[index] if files.torques else None
@@ -119,9 +120,15 @@ def personalize_files(
     generic = None if files.generic is None else reading.open_model(files.generic)
     with reading.about(files.model), progress("muscles of the person", STEPS, "steps") as advance:
         personalized = personalize(model, trials, options, generic=generic, advance=advance)
-    used = plain_settings(options) | cutoff | {"time": files.inputs.or_default(TimeSpan).time}
+    used = plain_settings(options) | of_motion | {"time": files.inputs.or_default(TimeSpan).time}
     sources += _sources(files)
     return Made(personalized, provenance_of("personalize", sources, used), tuple(warnings))
+
+
+def _settings_of_motion(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings of derivatives and of checks of forces, such as the low-pass filter."""
+    names = {field.name for kind in (Differentiation, ForceOptions) for field in fields(kind)}
+    return {name: value for name, value in settings.items() if name in names and value is not None}
 
 
 def _trial(
@@ -215,7 +222,10 @@ def write_personalized(made: Made[Personalized], out: Path, tables: Path) -> tup
     What is lost in the model's file is returned.
     """
     return write_made_model(
-        made.found.model, made.provenance, out, tables, lambda folder: _write(made, folder)
+        made.found.model,
+        made.provenance,
+        ModelOutput(out, tables),
+        lambda folder: _write(made, folder),
     )
 
 

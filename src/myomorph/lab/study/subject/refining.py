@@ -39,7 +39,7 @@ from myomorph.lab.study.step.step import Step
 from myomorph.lab.study.subject.found_errors import refined_errors
 from myomorph.lab.study.subject.identifying import check_mass, tissue_line
 from myomorph.lab.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.lab.study.subject.subjects import Made, write_made_model, write_rows
+from myomorph.lab.study.subject.subjects import Made, ModelOutput, write_made_model, write_rows
 from myomorph.lab.study.trial.steps.ik import solve_kinematics
 from myomorph.lab.study.trial.trial_inputs import Settings, TrialFiles, TrialInputs, open_trial
 
@@ -142,7 +142,7 @@ def write_refined(refined: Made[Refinement], out: Path, tables: Path) -> tuple[s
         (folder / REPORT).write_text(_page(refined), encoding="utf-8")
 
     return write_made_model(
-        refinement.model, refined.provenance, out, tables, fill, refinement.notes
+        refinement.model, refined.provenance, ModelOutput(out, tables), fill, refinement.notes
     )
 
 

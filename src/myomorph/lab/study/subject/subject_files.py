@@ -65,6 +65,20 @@ class BodyShape:
 
 
 @dataclass(frozen=True)
+class KnownBody:
+    """What is known of a subject's body.
+
+    Attributes
+    ----------
+    shape : of the body
+    mass : [kg], None for the model's
+    """
+
+    shape: BodyShape
+    mass: float | None = None
+
+
+@dataclass(frozen=True)
 class SubjectFiles:
     """One subject of a study.
 

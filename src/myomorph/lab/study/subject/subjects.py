@@ -81,11 +81,24 @@ def check_out_model(out: Path, tables: Path, read: Iterable[Path | None] = ()) -
             )
 
 
+@dataclass(frozen=True)
+class ModelOutput:
+    """Where a model goes that a step or a command makes.
+
+    Attributes
+    ----------
+    file : of the model (.osim)
+    tables : folder of its tables and its report
+    """
+
+    file: Path
+    tables: Path
+
+
 def write_made_model(
     model: Model,
     made: Provenance,
-    out: Path,
-    tables: Path,
+    output: ModelOutput,
     fill: Callable[[Path], None],
     notes: Sequence[Message] = (),
 ) -> tuple[str, ...]:
@@ -93,11 +106,12 @@ def write_made_model(
 
     What is lost in the model's file is returned.
     """
-    check_out_model(out, tables)
+    out = output.file
+    check_out_model(out, output.tables)
     with tempfile.TemporaryDirectory(prefix=f".{out.name}.", dir=out.parent) as temporary:
         path = Path(temporary) / out.name
         lost = write_osim(model, path)
-        with result_folder(tables, made, notes) as folder:
+        with result_folder(output.tables, made, notes) as folder:
             fill(folder)
         os.replace(path, out)
     carry_meshes(model, out.parent)

@@ -26,7 +26,7 @@ from myomorph.lab.study.inputs.reading import about, open_model, read_motion
 from myomorph.lab.study.step.folder_steps import FolderOutput
 from myomorph.lab.study.step.step import Step
 from myomorph.lab.study.subject.subject_files import SubjectInputs, recordings_provenance
-from myomorph.lab.study.subject.subjects import Made, write_made_model, write_rows
+from myomorph.lab.study.subject.subjects import Made, ModelOutput, write_made_model, write_rows
 from myomorph.lab.study.trial.steps.ik import trial_motion
 
 Rows = Sequence[Mapping[str, object]]
@@ -110,7 +110,9 @@ def write_transferred(transferred: Transferred, out: Path, tables: Path) -> tupl
         write_rows(rows, folder / "coordinates.csv")
         write_rows(path_rows(transferred), folder / "path_jumps.csv")
 
-    return write_made_model(result.model, transferred.provenance, out, tables, fill, result.notes)
+    return write_made_model(
+        result.model, transferred.provenance, ModelOutput(out, tables), fill, result.notes
+    )
 
 
 def joint_rows(transfer: Transfer) -> Rows:
