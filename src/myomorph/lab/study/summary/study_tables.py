@@ -9,7 +9,7 @@ import csv
 import importlib.util
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 
@@ -21,10 +21,17 @@ from myomorph.core.io.parsing.text import write_csv
 from myomorph.core.model.errors import few
 from myomorph.core.model.frozen_map import FrozenMap, grouped
 from myomorph.core.model.messages import Message
-from myomorph.lab.analysis.conditions import compare_conditions
-from myomorph.lab.analysis.groups import GroupOptions
+from myomorph.lab.analysis.conditions import Condition, compare_conditions
+from myomorph.lab.analysis.groups import Comparison, GroupOptions
 from myomorph.lab.causes import GROUPS
-from myomorph.lab.report.study.study_input import Judged, StudyInput, TrialLine
+from myomorph.lab.report.study.study_input import (
+    Described,
+    Judged,
+    Outlier,
+    StudyInput,
+    TrialLine,
+    ValueDifference,
+)
 from myomorph.lab.report.study.study_page import study_page
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.results import STORED, file_name, made_at
@@ -174,6 +181,108 @@ class _Trial:
             and (self.outcome.folder / tidy.VALUES).is_file()
         )
 
+    def values(self) -> list[Value]:
+        """Read its numbers, of the steps that ended well."""
+        values = tidy.read_values(self.outcome.folder / tidy.VALUES)
+        return [value for value in values if value.step in self.outcome.done]
+
+
+@dataclass
+class _Gathered:
+    """What the values of all trials come to, while they are read trial by trial.
+
+    Attributes
+    ----------
+    conditions : by name
+    search : for trials that lie far from the others
+    measured : values with their errors, for differences
+    signs : of angles, which models may count differently
+    """
+
+    conditions: dict[str, GrowingCondition]
+    search: OutlierSearch = field(default_factory=OutlierSearch)
+    measured: MeasuredValues = field(default_factory=MeasuredValues)
+    signs: SignSearch = field(default_factory=SignSearch)
+
+    @property
+    def seen(self) -> list[GrowingCondition]:
+        """Conditions that have trials."""
+        return [condition for condition in self.conditions.values() if condition.trials]
+
+    def add(self, trial: _Trial, values: Sequence[Value]) -> None:
+        """Add a trial with its numbers."""
+        outcome = trial.outcome
+        condition = self.conditions.setdefault(trial.condition, GrowingCondition(trial.condition))
+        curves = tidy.read_curves(outcome.folder / tidy.CURVES)
+        condition.add(outcome.subject, outcome.trial, values, *curves)
+        self.search.add(trial.whose, values)
+        self.measured.add(trial.whose, values, trial.drawn)
+        self.signs.add(outcome.subject, values)
+
+    def compare_curves(self, trials: Sequence[_Trial]) -> None:
+        """Compare the curves of every trial with the mean of its condition, once all are added."""
+        if len(self.seen) > 1:
+            for condition in self.conditions.values():
+                condition.without_whole_trials()
+        for trial in trials:
+            curves = tidy.read_curves(trial.outcome.folder / tidy.CURVES, COMPARED)
+            self.search.add_curves(trial.whose, self.conditions[trial.condition], *curves)
+
+    def summary(self) -> _Summary:
+        """Describe and compare the conditions."""
+        seen = self.seen
+        outliers = self.search.found()
+        subjects = of_subjects(seen)
+        conditions = tuple(condition.finished(subjects) for condition in seen)
+        options = GroupOptions(permutations=PERMUTATIONS)
+        return _Summary(
+            conditions=conditions,
+            comparisons=tuple(compare_conditions(conditions, options)),
+            outliers=outliers,
+            quantities=described(seen),
+            differences=differences(self.measured, [condition.name for condition in seen]),
+        )
+
+    def notes(self) -> tuple[str, ...]:
+        """Lines on angles that models count differently, and on conditions."""
+        named = [
+            (f"{condition.name}: " if condition.name else "", condition.notes)
+            for condition in self.seen
+        ]
+        of_conditions = [f"{prefix}{text}" for prefix, texts in named for text in texts]
+        return (*self.signs.notes(), *of_conditions)
+
+
+@dataclass(frozen=True, eq=False)
+class _Summary:
+    """Conditions described and compared.
+
+    Attributes
+    ----------
+    conditions : that have trials
+    comparisons : of curves, of every pair of conditions
+    outliers : values of trials that lie far from the others
+    quantities : in every condition
+    differences : of values, of every pair of conditions
+    """
+
+    conditions: tuple[Condition, ...]
+    comparisons: tuple[Comparison, ...]
+    outliers: list[Outlier]
+    quantities: tuple[Described, ...]
+    differences: list[ValueDifference]
+
+    def write(self, folder: Path) -> None:
+        """Write each as a table."""
+        for name, rows in (
+            (OUTLIERS, outlier_rows(self.outliers)),
+            (CONDITION_VALUES, described_rows(self.quantities, self.conditions)),
+            (CONDITION_CURVES, curve_rows(self.conditions)),
+            (DIFFERENCES, pair_rows(self.comparisons)),
+            (VALUE_DIFFERENCES, difference_rows(self.differences)),
+        ):
+            write_csv(folder / name, next(rows), rows)
+
 
 def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Path) -> None:
     """Write the tables of a study and its page, `study.html`, into a folder.
@@ -186,87 +295,54 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
         (out / PARQUET).unlink(missing_ok=True)
     trials = _in_order(plan, outcomes)
     lines = _write_quality(plan, trials, out, folder)
-    growing = {name: GrowingCondition(name) for name in plan.conditions.names}
-    search = OutlierSearch()
-    signs = SignSearch()
-    measured = MeasuredValues()
-    with (folder / TIDY).open("w", encoding="utf-8", newline="") as stream:
-        table = csv.writer(stream, lineterminator="\n")
-        table.writerow((*WHOSE, *tidy.VALUE_COLUMNS))
-        for trial in (trial for trial in trials if trial.has_values):
-            outcome = trial.outcome
-            values = [
-                each
-                for each in tidy.read_values(outcome.folder / tidy.VALUES)
-                if each.step in outcome.done
-            ]
-            table.writerows(
-                map(spreadsheet_cell, (*trial.whose, *tidy.value_row(each))) for each in values
-            )
-            condition = growing.setdefault(trial.condition, GrowingCondition(trial.condition))
-            condition.add(
-                outcome.subject,
-                outcome.trial,
-                values,
-                *tidy.read_curves(outcome.folder / tidy.CURVES),
-            )
-            search.add(trial.whose, values)
-            measured.add(trial.whose, values, trial.drawn)
-            signs.add(outcome.subject, values)
+    with_values = [trial for trial in trials if trial.has_values]
+    gathered = _Gathered({name: GrowingCondition(name) for name in plan.conditions.names})
+    _write_values(with_values, gathered, folder)
     _write_parquet(folder)
-    if len([condition for condition in growing.values() if condition.trials]) > 1:
-        for condition in growing.values():
-            condition.without_whole_trials()
-    for trial in trials:
-        if trial.has_values:
-            curves = tidy.read_curves(trial.outcome.folder / tidy.CURVES, COMPARED)
-            search.add_curves(trial.whose, growing[trial.condition], *curves)
-    seen = [condition for condition in growing.values() if condition.trials]
-    outliers = search.found()
-    subjects = of_subjects(seen)
-    conditions = tuple(condition.finished(subjects) for condition in seen)
-    comparisons = tuple(compare_conditions(conditions, GroupOptions(permutations=PERMUTATIONS)))
-    quantities = described(seen)
-    compared = differences(measured, [condition.name for condition in seen])
-    for name, rows in (
-        (OUTLIERS, outlier_rows(outliers)),
-        (CONDITION_VALUES, described_rows(quantities, conditions)),
-        (CONDITION_CURVES, curve_rows(conditions)),
-        (DIFFERENCES, pair_rows(comparisons)),
-        (VALUE_DIFFERENCES, difference_rows(compared)),
-    ):
-        write_csv(folder / name, next(rows), rows)
-    shown = shown_quantities([quantity.quantity for quantity in quantities])
-    groups = (
-        ()
-        if plan.groups is None
-        else ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
-    )
-    named = [
-        (f"{condition.name}: " if condition.name else "", condition.notes) for condition in seen
-    ]
-    texts = [f"{prefix}{text}" for prefix, condition_notes in named for text in condition_notes]
+    gathered.compare_curves(with_values)
+    summary = gathered.summary()
+    summary.write(folder)
+    shown = shown_quantities([quantity.quantity for quantity in summary.quantities])
     study_input = StudyInput(
         name=plan.name,
         date=made_at(),
         version=__version__,
         trials=tuple(lines),
-        conditions=conditions,
-        comparisons=comparisons,
-        outliers=tuple(outliers),
-        described=tuple(quantity for quantity in quantities if quantity.quantity in shown),
+        conditions=summary.conditions,
+        comparisons=summary.comparisons,
+        outliers=tuple(summary.outliers),
+        described=tuple(each for each in summary.quantities if each.quantity in shown),
         differences=tuple(
-            each for each in compared if each.quantity in shown and np.isfinite(each.measured_sd)
+            each
+            for each in summary.differences
+            if each.quantity in shown and np.isfinite(each.measured_sd)
         ),
         changes=_changes(trials),
         messages=_write_messages(trials, folder),
-        notes=(*signs.notes(), *texts),
-        files=(
-            *groups,
-            *((name, text) for name, text in FILES if name != PARQUET or has_parquet()),
-        ),
+        notes=gathered.notes(),
+        files=_files(plan),
     )
     (folder / PAGE).write_text(study_page(study_input), encoding="utf-8")
+
+
+def _files(plan: Plan) -> tuple[tuple[str, str], ...]:
+    """Names of a study's files, and what each is."""
+    groups = ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
+    tables = tuple((name, text) for name, text in FILES if name != PARQUET or has_parquet())
+    return tables if plan.groups is None else (*groups, *tables)
+
+
+def _write_values(trials: Sequence[_Trial], gathered: _Gathered, folder: Path) -> None:
+    """Write the values of all trials into one table while they are gathered."""
+    with (folder / TIDY).open("w", encoding="utf-8", newline="") as stream:
+        table = csv.writer(stream, lineterminator="\n")
+        table.writerow((*WHOSE, *tidy.VALUE_COLUMNS))
+        for trial in trials:
+            values = trial.values()
+            table.writerows(
+                map(spreadsheet_cell, (*trial.whose, *tidy.value_row(each))) for each in values
+            )
+            gathered.add(trial, values)
 
 
 def _run(study: StudyInputs, output: FolderOutput) -> None:

@@ -203,41 +203,45 @@ def differences(values: MeasuredValues, conditions: Sequence[str]) -> list[Value
 def _of_many(first: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
     shared = [name for name in first if name in other]
     if len(shared) >= 2:
-        d = np.array([first[name].mean - other[name].mean for name in shared])
-        errors = [_less(first[name].error, other[name].error) for name in shared]
-        means = [
-            float(np.mean([subjects[name].mean for name in shared])) for subjects in (first, other)
-        ]
-        square = float(d.var(ddof=1)) / len(d)
-        limits = _intervals(
-            means[0] - means[1], square, len(d) - 1.0, _mean_variance(errors), held=True
-        )
-        return _Pair(
-            paired=True,
-            unit_of="subjects",
-            count=(len(d), len(d)),
-            means=(means[0], means[1]),
-            limits=limits,
-        )
-    if shared:
-        return None
-    groups = [np.array([each.mean for each in subjects.values()]) for subjects in (first, other)]
-    means = [float(group.mean()) for group in groups]
-    squares = [
-        float(group.var(ddof=1)) / len(group) if len(group) > 1 else np.nan for group in groups
-    ]
-    counts = (len(groups[0]), len(groups[1]))
+        return _within_subjects([first[name] for name in shared], [other[name] for name in shared])
+    return None if shared else _between_groups(list(first.values()), list(other.values()))
+
+
+def _within_subjects(first: Sequence[_Own], other: Sequence[_Own]) -> _Pair:
+    """Compare the same two or more subjects in two conditions."""
+    own = list(zip(first, other, strict=True))
+    d = np.array([one.mean - another.mean for one, another in own])
+    errors = [_less(one.error, another.error) for one, another in own]
+    means = (_mean(first), _mean(other))
+    square = float(d.var(ddof=1)) / len(d)
+    limits = _intervals(
+        means[0] - means[1], square, len(d) - 1.0, _mean_variance(errors), held=True
+    )
+    return _Pair(
+        paired=True, unit_of="subjects", count=(len(d), len(d)), means=means, limits=limits
+    )
+
+
+def _mean(subjects: Sequence[_Own]) -> float:
+    return float(np.mean([subject.mean for subject in subjects]))
+
+
+def _between_groups(first: Sequence[_Own], other: Sequence[_Own]) -> _Pair:
+    """Compare two groups that have no subject in common, by Welch."""
+    means = (_mean(first), _mean(other))
+    counts = (len(first), len(other))
+    squares = [_squared_error(subjects) for subjects in (first, other)]
     drawn = sum(
-        _mean_variance([each.error for each in subjects.values()]) for subjects in (first, other)
+        _mean_variance([subject.error for subject in subjects]) for subjects in (first, other)
     )
     limits = _intervals(means[0] - means[1], *_welch(squares, counts), drawn, held=True)
-    return _Pair(
-        paired=False,
-        unit_of="subjects",
-        count=counts,
-        means=(means[0], means[1]),
-        limits=limits,
-    )
+    return _Pair(paired=False, unit_of="subjects", count=counts, means=means, limits=limits)
+
+
+def _squared_error(subjects: Sequence[_Own]) -> float:
+    """Return the squared standard error of the mean over subjects, NaN for an only one."""
+    means = np.array([subject.mean for subject in subjects])
+    return float(means.var(ddof=1)) / len(means) if len(means) > 1 else np.nan
 
 
 def _of_one(one: dict[str, _Own], other: dict[str, _Own]) -> _Pair | None:
