@@ -131,46 +131,80 @@ class Task:
 
 def task(folder: Path, lift: str, way: str) -> Task:
     """Return the problem of a way in `WAYS`, "newton" excepted."""
+    measured = () if way in ("hidden", "first") else (_plate(folder, lift),)
+    options = ContactOptions(formulation="sequential" if way == "first" else "simultaneous")
+    touching = _touching(folder, lift, with_box=way != "body")
+    time = man(folder, lift)[1].time
+    contacts = ContactTask(
+        sites=touching.sites,
+        activations=mm.Series(time, tuple(one.name for one in touching.sites), touching.ready),
+        measured=measured,
+        options=options,
+        preferred=touching.directions,
+    )
+    return Task(
+        model=touching.model,
+        motion=touching.motion,
+        torques=mm.inverse_dynamics(touching.model, touching.motion),
+        contacts=contacts,
+    )
+
+
+def _plate(folder: Path, lift: str) -> SharedWrench:
+    """Return the plate's wrench, which both feet share.
+
+    Its moments are about the ground's origin; the free torque of the plate is not in the file.
+    """
     body, motion = man(folder, lift)
     record = recorded(folder, lift)
-    sites, held = holding(folder, lift)
-    feet, standing, lean = soles_of(body, motion)
-    # Moments about the ground's origin; the free torque of the plate is not in the file.
-    moments = np.cross(record.plate_point, record.plate) * (1.0, np.nan, 1.0)
-    plate = (
-        SharedWrench(
-            name="plate",
-            sites=tuple(one.name for one in feet),
-            forces=record.plate,
-            moments=moments,
-        ),
+    feet = soles_of(body, motion)[0]
+    return SharedWrench(
+        name="plate",
+        sites=tuple(one.name for one in feet),
+        forces=record.plate,
+        moments=np.cross(record.plate_point, record.plate) * (1.0, np.nan, 1.0),
     )
-    if way == "body":
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Touching:
+    """Sites of a lift.
+
+    Attributes
+    ----------
+    model, motion : of the man, or of man and box
+    sites : hands, feet, and the box's bottom with the box
+    ready : (frames, sites) contact activations
+    directions : (frames, sites, 3) preferred directions, 0 where there is none
+    """
+
+    model: mm.Model
+    motion: mm.Motion
+    sites: tuple[Site, ...]
+    ready: Array
+    directions: Array
+
+
+def _touching(folder: Path, lift: str, with_box: bool) -> _Touching:
+    body, body_motion = man(folder, lift)
+    hands, held = holding(folder, lift)
+    feet, standing, lean = soles_of(body, body_motion)
+    if with_box:
+        model, motion = both(folder, lift)
+        floor = Site("floor_under_box", "box_body", _bottom())
+        feet = tuple(replace(one, body=f"man_{one.body}") for one in feet)
+        sites = (*hands, *feet, floor)
+        raised = raised_contacts(model, motion, floor, feet)[1]
+        ready = np.hstack([held, standing, raised[:, None]])
+    else:
         model = body
-        moving = motion
+        motion = body_motion
         palms = tuple(replace(one, group="hands") for one in body_sites(body, HANDS))
         sites = (*palms, *feet)
         ready = np.hstack([held, standing])
-    else:
-        model, moving = both(folder, lift)
-        floor = Site("floor_under_box", "box_body", _bottom())
-        feet = tuple(replace(one, body=f"man_{one.body}") for one in feet)
-        sites = (*sites, *feet, floor)
-        ready = np.hstack([held, standing, raised_contacts(model, moving, floor, feet)[1][:, None]])
-    ways = np.zeros((*ready.shape, 3))
-    ways[:, 2 : 2 + len(feet)] = lean
-    ready_at = mm.Series(motion.time, tuple(one.name for one in sites), ready)
-    options = ContactOptions(formulation="sequential" if way == "first" else "simultaneous")
-    contacts = ContactTask(
-        sites=sites,
-        activations=ready_at,
-        measured=() if way in ("hidden", "first") else plate,
-        options=options,
-        preferred=ways,
-    )
-    return Task(
-        model=model, motion=moving, torques=mm.inverse_dynamics(model, moving), contacts=contacts
-    )
+    directions = np.zeros((*ready.shape, 3))
+    directions[:, 2 : 2 + len(feet)] = lean
+    return _Touching(model=model, motion=motion, sites=sites, ready=ready, directions=directions)
 
 
 def soles_of(model: mm.Model, motion: mm.Motion) -> tuple[tuple[Site, ...], Array, Array]:

@@ -66,38 +66,16 @@ class Chair:
 def chair(folder: Path) -> Chair:
     """Read the trial STS1 on the expert's model, its mass that of standing on the plates."""
     here = folder / FOLDER
-    given = mm.read_model(here / "models" / "manually_scaled.osim")
-    standing = (
-        read_external_loads(here / "grf" / "static1_external_forces.xml")
-        .forces[:, :, 1]
-        .sum(axis=1)
-    )
-    mass = float(np.median(standing) / np.linalg.norm(given.gravity))
-    model = scale(given, {}, mass, preserve_mass_distribution=True)
+    model = _expert_model(here)
     markers = read_markers(here / "markers" / "STS1.trc")
     motion = mm.differentiate(mm.inverse_kinematics(model, markers).motion, CUTOFF)
     plates = read_external_loads(here / "grf" / "STS1_external_forces.xml")
     soles, standing, lean = soles_of(model, motion)
-    at = site_motion(model, motion, soles).places
-    by_foot = {
-        body: at[:, [k for k, one in enumerate(soles) if one.group == group]]
-        for body, group in (("calcn_r", "foot_r"), ("calcn_l", "foot_l"))
-    }
-    loads = mm.resample_wrenches(plates, motion.time, CUTOFF)
-    # The third plate lies idle.
-    used = [k for k in range(len(loads.names)) if np.abs(loads.forces[:, k]).max() > 0.0]
-    unknown = mm.Wrenches(
-        loads.time,
-        tuple(loads.names[k] for k in used),
-        ("",) * len(used),
-        *(getattr(loads, what)[:, used] for what in ("forces", "points", "torques")),
-    )
-    feet = assign_bodies(unknown, by_foot).wrenches
+    feet = _loads_of_feet(model, motion, plates, soles)
     (seat,) = body_sites(model, ("seat",))
-    moving = site_motion(model, motion, (seat,))
-    ready = np.hstack([raised_contacts(model, motion, seat, soles)[1][:, None], standing])
+    raised = raised_contacts(model, motion, seat, soles)[1]
     left = needed_wrench(model, motion, "pelvis", feet)
-    places = moving.places[:, 0]
+    places = site_motion(model, motion, (seat,)).places[:, 0]
     moment = left.torques[:, 0] + np.cross(left.points[:, 0] - places, left.forces[:, 0])
     return Chair(
         model=model,
@@ -106,11 +84,42 @@ def chair(folder: Path) -> Chair:
         seat=seat,
         soles=soles,
         places=places,
-        ready=ready,
+        ready=np.hstack([raised[:, None], standing]),
         lean=lean,
         newton=left.forces[:, 0],
         moment=moment,
     )
+
+
+def _expert_model(here: Path) -> mm.Model:
+    """Read the expert's model, its mass that of standing on the plates."""
+    given = mm.read_model(here / "models" / "manually_scaled.osim")
+    loads = read_external_loads(here / "grf" / "static1_external_forces.xml")
+    standing = loads.forces[:, :, 1].sum(axis=1)
+    mass = float(np.median(standing) / np.linalg.norm(given.gravity))
+    return scale(given, {}, mass, preserve_mass_distribution=True)
+
+
+def _loads_of_feet(
+    model: mm.Model, motion: mm.Motion, plates: mm.Wrenches, soles: tuple[Site, ...]
+) -> mm.Wrenches:
+    """Assign the plates' forces to the feet; the third plate lies idle."""
+    at = site_motion(model, motion, soles).places
+    by_foot = {
+        body: at[:, [k for k, one in enumerate(soles) if one.group == group]]
+        for body, group in (("calcn_r", "foot_r"), ("calcn_l", "foot_l"))
+    }
+    loads = mm.resample_wrenches(plates, motion.time, CUTOFF)
+    used = [k for k in range(len(loads.names)) if np.abs(loads.forces[:, k]).max() > 0.0]
+    unknown = mm.Wrenches(
+        time=loads.time,
+        names=tuple(loads.names[k] for k in used),
+        bodies=("",) * len(used),
+        forces=loads.forces[:, used],
+        points=loads.points[:, used],
+        torques=loads.torques[:, used],
+    )
+    return assign_bodies(unknown, by_foot).wrenches
 
 
 def task(folder: Path, plates: bool, first: bool = False) -> Task:

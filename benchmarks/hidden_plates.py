@@ -163,42 +163,51 @@ def opened(folder: Path, case: HiddenCase) -> Hidden:
     raw = _forces(folder / case.forces)
     cutoff = cutoff_of(model, recorded)
     whole = mm.differentiate(recorded, cutoff)
+    assert whole.velocities is not None
     feet, floor = rest_on_floor(model, whole, foot_sites(model), plate_height(model, raw))
     contacts = mm.find_contacts(model, whole, feet, ContactStateOptions(floor=floor.height))
     ready = contact_activations(model, whole, feet, contacts, ActivationOptions(floor=floor.height))
     sites: tuple[Site, ...] = feet
     if case.seated:
-        seat = body_sites(model, ("seat",))
-        sitting = mm.find_contacts(model, whole, seat)
-        also = contact_activations(model, whole, seat, sitting)
+        seat, also = _seat(model, whole)
         sites = (*feet, *seat)
-        ready = mm.Series(
-            ready.time, (*ready.names, *also.names), np.hstack([ready.values, also.values])
-        )
-    assert whole.velocities is not None
+        names = (*ready.names, *also.names)
+        ready = mm.Series(ready.time, names, np.hstack([ready.values, also.values]))
     motion = cut(whole, max(whole.time[0], raw.time[0]), min(whole.time[-1], raw.time[-1]))
-    at = np.isin(whole.time, motion.time)
-    owned = assign_feet(
-        model, motion, feet, mm.resample_wrenches(raw, motion.time, 3.0 * cutoff)
-    ).wrenches
-    raw = replace(raw, bodies=_bodies(owned, raw))
+    raw = _owned(model, motion, feet, raw, cutoff)
     found = usable(model, recorded, raw, mass=case.mass, options=RecordingOptions(cutoff=cutoff))
-    use = found.use if not case.seated else _inside(motion, cutoff)
-    measured = mm.resample_wrenches(raw, motion.time, cutoff)
     return Hidden(
         case=case,
         model=model,
         motion=motion,
         sites=sites,
         contacts=contacts,
-        activations=mm.Series(motion.time, ready.names, ready.values[at]),
-        measured=measured,
+        activations=mm.Series(
+            motion.time, ready.names, ready.values[np.isin(whole.time, motion.time)]
+        ),
+        measured=mm.resample_wrenches(raw, motion.time, cutoff),
         raw=raw,
-        use=use,
+        use=found.use if not case.seated else _inside(motion, cutoff),
         weighs=found.weighs,
         cutoff=cutoff,
         floor=floor.height,
     )
+
+
+def _seat(model: mm.Model, motion: mm.Motion) -> tuple[tuple[Site, ...], mm.Series]:
+    """Return the sites of the seat and their activations."""
+    seat = body_sites(model, ("seat",))
+    sitting = mm.find_contacts(model, motion, seat)
+    return seat, contact_activations(model, motion, seat, sitting)
+
+
+def _owned(
+    model: mm.Model, motion: mm.Motion, feet: tuple[Site, ...], raw: mm.Wrenches, cutoff: float
+) -> mm.Wrenches:
+    """Assign each plate's force to the body that took most of it."""
+    loads = mm.resample_wrenches(raw, motion.time, 3.0 * cutoff)
+    owned = assign_feet(model, motion, feet, loads).wrenches
+    return replace(raw, bodies=_bodies(owned, raw))
 
 
 def tracked(folder: Path, case: HiddenCase, model: mm.Model) -> mm.Motion:

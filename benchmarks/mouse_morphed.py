@@ -5,6 +5,7 @@ It has a man's leg muscles on both sides, with the mouse's marker tables.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -322,33 +323,13 @@ def on_one_paw(one: Followed, at_toes: bool = False) -> OnOnePaw | None:
     """
     if not one.trial.plates:
         return None
-    model = one.model
     motion = one.motion
-    plate = one.trial.plates[0]
     wrenches = wrenches_from_plates(one.trial.plates, one.trial.plate_time, motion.time)
-    flat = np.abs(model.up) < 0.5
-    low = plate.corners.min(axis=0)[flat]
-    high = plate.corners.max(axis=0)[flat]
-    known = np.isfinite(motion.values).all(axis=1)
     paws = {
-        side: place_of(model, motion, f"mouse__{side}Metatarsus3", np.array([0.0, 7e-3, 0.0]))
+        side: place_of(one.model, motion, f"mouse__{side}Metatarsus3", np.array([0.0, 7e-3, 0.0]))
         for side in "RL"
     }
-    shoulders = [place_of(model, motion, f"mouse__{side}Scapula", np.zeros(3)) for side in "RL"]
-
-    def over(places: Array) -> NDArray[np.bool_]:
-        return np.asarray(((places[:, flat] >= low) & (places[:, flat] <= high)).all(axis=1))
-
-    press = wrenches.forces[:, 0] @ model.up
-    loaded = known & (press > 0.1 * np.nanmax(press[known]))
-    best: tuple[str, NDArray[np.int64]] | None = None
-    for side, other in (("R", "L"), ("L", "R")):
-        beside = np.linalg.norm((wrenches.points[:, 0] - paws[side])[:, flat], axis=1)
-        beside = np.nan_to_num(beside, nan=np.inf)
-        alone = (beside < NEAR) | ((beside < PAW) & ~over(shoulders[0]) & ~over(shoulders[1]))
-        frames = longest(loaded & over(paws[side]) & ~over(paws[other]) & alone)
-        if len(frames) and (best is None or len(frames) > len(best[1])):
-            best = side, frames
+    best = _alone_on_plate(one, wrenches, paws)
     if best is None:
         return None
     side, frames = best
@@ -361,7 +342,46 @@ def on_one_paw(one: Followed, at_toes: bool = False) -> OnOnePaw | None:
         paws[side][frames, None] if at_toes else wrenches.points[frames],
         wrenches.torques[frames],
     )
-    torques = mm.inverse_dynamics(model, part, loads)
+    torques = mm.inverse_dynamics(one.model, part, loads)
     return OnOnePaw(
-        side=side, motion=part, torques=torques, tension=mm.solve_tension(model, part, torques)
+        side=side, motion=part, torques=torques, tension=mm.solve_tension(one.model, part, torques)
     )
+
+
+def _alone_on_plate(
+    one: Followed, wrenches: mm.Wrenches, paws: Mapping[str, Array]
+) -> tuple[str, NDArray[np.int64]] | None:
+    """Return the side and the frames of the longest run in which one hind paw bears the force.
+
+    The other hind paw is not over the plate. The center of pressure is within `NEAR` of the paw, or
+    within `PAW` while no forelimb is over the plate. `paws`: (frames, 3) by side [m].
+    """
+    model = one.model
+    motion = one.motion
+    known = np.isfinite(motion.values).all(axis=1)
+    press = wrenches.forces[:, 0] @ model.up
+    loaded = known & (press > 0.1 * np.nanmax(press[known]))
+    fore_over = np.zeros(len(motion), dtype=bool)
+    for side in "RL":
+        shoulder = place_of(model, motion, f"mouse__{side}Scapula", np.zeros(3))
+        fore_over |= _over_plate(one, shoulder)
+    flat = np.abs(model.up) < 0.5
+    best: tuple[str, NDArray[np.int64]] | None = None
+    for side, other in (("R", "L"), ("L", "R")):
+        beside = np.linalg.norm((wrenches.points[:, 0] - paws[side])[:, flat], axis=1)
+        beside = np.nan_to_num(beside, nan=np.inf)
+        alone = (beside < NEAR) | ((beside < PAW) & ~fore_over)
+        hind = _over_plate(one, paws[side]) & ~_over_plate(one, paws[other])
+        frames = longest(loaded & hind & alone)
+        if len(frames) and (best is None or len(frames) > len(best[1])):
+            best = side, frames
+    return best
+
+
+def _over_plate(one: Followed, places: Array) -> NDArray[np.bool_]:
+    """Return whether positions (frames, 3) are over the plate."""
+    corners = one.trial.plates[0].corners
+    flat = np.abs(one.model.up) < 0.5
+    low = corners.min(axis=0)[flat]
+    high = corners.max(axis=0)[flat]
+    return np.asarray(((places[:, flat] >= low) & (places[:, flat] <= high)).all(axis=1))

@@ -22,6 +22,7 @@ from collections.abc import Iterator
 from contextlib import chdir
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import grimp
 from cosmic_ray.ast import ast_nodes, get_ast_from_path
@@ -145,24 +146,8 @@ def sample(rooms: list[str], count: int, seed: int) -> Iterator[WorkItem]:
     for path in sorted(path for room in rooms for path in Path("src/myomorph", room).rglob("*.py")):
         nodes = list(ast_nodes(get_ast_from_path(path)))
         for kind, operators in KINDS.items():
-            for operator in (f"core/{name}" for name in operators):
-                places = (
-                    (node, *at)
-                    for node in nodes
-                    for at in get_operator(operator)().mutation_positions(node)
-                )
-                for occurrence, (node, start, end) in enumerate(places):
-                    if _is_drawn(node):
-                        sites[kind].append(
-                            MutationSpec(
-                                module_path=path,
-                                operator_name=operator,
-                                occurrence=occurrence,
-                                start_pos=start,
-                                end_pos=end,
-                                operator_args={},
-                            )
-                        )
+            for name in operators:
+                sites[kind] += _specs(path, nodes, f"core/{name}")
     chance = random.Random(seed)
     lines = set()
     for specs in sites.values():
@@ -172,6 +157,23 @@ def sample(rooms: list[str], count: int, seed: int) -> Iterator[WorkItem]:
         if (place := (spec.module_path, spec.start_pos[0])) not in lines:
             lines.add(place)
             yield WorkItem.single(f"{len(lines):03d}", spec)
+
+
+def _specs(path: Path, nodes: list[Any], operator: str) -> Iterator[MutationSpec]:
+    """Yield the mutants of a file by one operator."""
+    places = (
+        (node, *at) for node in nodes for at in get_operator(operator)().mutation_positions(node)
+    )
+    for occurrence, (node, start, end) in enumerate(places):
+        if _is_drawn(node):
+            yield MutationSpec(
+                module_path=path,
+                operator_name=operator,
+                occurrence=occurrence,
+                start_pos=start,
+                end_pos=end,
+                operator_args={},
+            )
 
 
 def _is_drawn(node: object) -> bool:

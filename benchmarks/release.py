@@ -21,6 +21,7 @@ import tempfile
 import time
 import zipfile
 from collections.abc import Iterable, Sequence
+from email.message import Message
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -93,30 +94,38 @@ def _built_again(wheel: Path, sdist: Path, out: Path) -> str:
 def _contents(wheel: Path, sdist: Path) -> str:
     """Compare both with what git knows."""
     known = {one for one in _said(["git", "ls-files", "-z"], ROOT).split("\0") if one}
-    package = {one.removeprefix("src/") for one in known if one.startswith("src/")}
     with zipfile.ZipFile(wheel) as opened:
-        held = {one for one in opened.namelist() if ".dist-info/" not in one}
-        about = [one for one in opened.namelist() if ".dist-info/" in one]
+        names = opened.namelist()
+        about = [one for one in names if ".dist-info/" in one]
         metadata = email.message_from_bytes(
             opened.read(next(one for one in about if one.endswith("/METADATA")))
         )
+    held = set(names) - set(about)
+    package = {one.removeprefix("src/") for one in known if one.startswith("src/")}
     _equal("the wheel", held, package)
-    if (
-        not any(one.endswith("/licenses/LICENSE") for one in about)
-        or "myomorph/py.typed" not in held
-    ):
+    licensed = any(one.endswith("/licenses/LICENSE") for one in about)
+    if not licensed or "myomorph/py.typed" not in held:
         raise NotReady("the wheel lacks the license or py.typed")
-    missing = [one for one in NEEDED if not metadata.get(one)]
-    if missing or not metadata.get_payload():
-        raise NotReady(f"the metadata lack {', '.join(missing) or 'the description'}")
+    _require_metadata(metadata)
     if wheel.stat().st_size > LARGEST_WHEEL:
         raise NotReady(f"the wheel has {wheel.stat().st_size >> 20} MiB")
-    with tarfile.open(sdist) as archive:
-        sources = {one.name.partition("/")[2] for one in archive.getmembers() if one.isfile()}
+    sources = _files_of(sdist)
     _equal("the sdist", sources - LEFT_BY_BUILD, known - LEFT_BY_BUILD)
     return (
         f"{len(held)} files in the wheel, {len(sources)} in the sdist, none missing, none too many"
     )
+
+
+def _files_of(sdist: Path) -> set[str]:
+    """Return the files of an sdist, relative to its folder."""
+    with tarfile.open(sdist) as archive:
+        return {one.name.partition("/")[2] for one in archive.getmembers() if one.isfile()}
+
+
+def _require_metadata(metadata: Message) -> None:
+    missing = [one for one in NEEDED if not metadata.get(one)]
+    if missing or not metadata.get_payload():
+        raise NotReady(f"the metadata lack {', '.join(missing) or 'the description'}")
 
 
 def _equal(where: str, held: set[str], wanted: set[str]) -> None:

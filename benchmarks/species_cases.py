@@ -359,6 +359,22 @@ def anatomist_on_skeleton(data: Path, rule: str = "joints") -> Morph:
     return graft_muscles(anatomist, skeleton, bones, options, coordinates=COORDINATES)
 
 
+MAN_SEGMENTS = {
+    "femur_r": ("Thigh_r", ("femur_r", "Thigh_r"), ("tibia_r", "Leg_r")),
+    "tibia_r": ("Leg_r", ("tibia_r", "Leg_r"), ("talus_r", "Foot_r")),
+    "calcn_r": ("Foot_r", ("talus_r", "Foot_r"), ("toes_r", "Toes_r")),
+}
+"""By body of the man, the mouse's segment, and the joints near and far of both."""
+MAN_COORDINATES = {
+    "hip_flexion_r": ("Hip_flexion_r", 1.0, -0.5 * np.pi),
+    "hip_adduction_r": ("Hip_adduction_r", 1.0, 0.0),
+    "hip_rotation_r": ("Hip_rotation_r", 1.0, 0.0),
+    "knee_angle_r": ("Knee_extension_r", -1.0, 0.0),
+    "ankle_angle_r": ("Ankle_flexion_r", 1.0, 0.0),
+}
+"""By coordinate of the man, the mouse's, its sign and offset [rad]."""
+
+
 @cache
 def from_man_by_joints(data: Path) -> Morph:
     """Transfer the man's leg muscles to the anatomist's own model by the joints of both.
@@ -372,25 +388,9 @@ def from_man_by_joints(data: Path) -> Morph:
     target = mouse_hindlimb_model(data / "mouse-hindlimb-muscles/mouse_hindlimb.json")
     here = Posed(source, table.posture)
     there = Posed(target, {})
-    right = np.array([0.0, 0.0, 1.0])
-    ends = {
-        "femur_r": ("Thigh_r", ("femur_r", "Thigh_r"), ("tibia_r", "Leg_r")),
-        "tibia_r": ("Leg_r", ("tibia_r", "Leg_r"), ("talus_r", "Foot_r")),
-        "calcn_r": ("Foot_r", ("talus_r", "Foot_r"), ("toes_r", "Toes_r")),
-    }
     found = {"pelvis": _pelvis_by_joints(here, there)}
-    for body, (segment, near, far) in ends.items():
-        ours = here.joints(body)
-        theirs = there.joints(segment)
-        along = ours[far[0]] - ours[near[0]], theirs[far[1]] - theirs[near[1]]
-        size = float(np.linalg.norm(along[1]) / np.linalg.norm(along[0]))
-        turn = segment_frame(along[1], right).T @ segment_frame(along[0], right)
-        whole = Similarity(turn, theirs[near[1]] - size * turn @ ours[near[0]], size)
-        found[body] = given_map(body, segment, whole)
-    foot = found["calcn_r"].whole
-    start = foot.scale * foot.rotation @ here.joints("toes_r")["toes_r"]
-    toes = Similarity(foot.rotation, there.joints("Toes_r")["Toes_r"] - start, foot.scale)
-    found["toes_r"] = given_map("toes_r", "Toes_r", toes)
+    found |= {body: _segment_by_joints(here, there, body) for body in MAN_SEGMENTS}
+    found["toes_r"] = _toes_by_joint(here, there, found["calcn_r"].whole)
     for rider, bone in (("patella_r", "tibia_r"), ("talus_r", "calcn_r")):
         pose = here.within(rider, bone)
         whole = found[bone].whole
@@ -398,16 +398,32 @@ def from_man_by_joints(data: Path) -> Morph:
             whole.rotation @ pose.rotation, whole.apply(pose.translation), whole.scale
         )
         found[rider] = given_map(rider, found[bone].target_body, moved)
-    coordinates = {
-        "hip_flexion_r": ("Hip_flexion_r", 1.0, -0.5 * np.pi),
-        "hip_adduction_r": ("Hip_adduction_r", 1.0, 0.0),
-        "hip_rotation_r": ("Hip_rotation_r", 1.0, 0.0),
-        "knee_angle_r": ("Knee_extension_r", -1.0, 0.0),
-        "ankle_angle_r": ("Ankle_flexion_r", 1.0, 0.0),
-    }
     options = MorphOptions(surface_within=0.0, clear=False)
     postures = (table.posture, {"Knee_extension_r": -0.5 * np.pi})
-    return graft_muscles(source, target, found, options, coordinates=coordinates, postures=postures)
+    return graft_muscles(
+        source, target, found, options, coordinates=MAN_COORDINATES, postures=postures
+    )
+
+
+def _segment_by_joints(here: Posed, there: Posed, body: str) -> BoneMap:
+    """Lay a segment by its two joints and the flexion axis."""
+    segment, near, far = MAN_SEGMENTS[body]
+    right = np.array([0.0, 0.0, 1.0])
+    ours = here.joints(body)
+    theirs = there.joints(segment)
+    our_length = ours[far[0]] - ours[near[0]]
+    their_length = theirs[far[1]] - theirs[near[1]]
+    size = float(np.linalg.norm(their_length) / np.linalg.norm(our_length))
+    turn = segment_frame(their_length, right).T @ segment_frame(our_length, right)
+    whole = Similarity(turn, theirs[near[1]] - size * turn @ ours[near[0]], size)
+    return given_map(body, segment, whole)
+
+
+def _toes_by_joint(here: Posed, there: Posed, foot: Similarity) -> BoneMap:
+    """Lay the toes by their joint, as the foot is rotated and scaled."""
+    start = foot.scale * foot.rotation @ here.joints("toes_r")["toes_r"]
+    toes = Similarity(foot.rotation, there.joints("Toes_r")["Toes_r"] - start, foot.scale)
+    return given_map("toes_r", "Toes_r", toes)
 
 
 def _pelvis_by_joints(here: Posed, there: Posed) -> BoneMap:

@@ -24,13 +24,8 @@ def run(names: list[str] | None = None) -> list[Row]:
 
     Tables of one page share what they simulate, so they run in one process; pages run side by side.
     """
-    parts = [[name for name in tables if not names or name in names] for tables in PAGES.values()]
+    parts = _chosen(names)
     every = [name for part in parts for name in part]
-    if unknown := sorted(set(names or ()) - set(every)):
-        raise ValueError(
-            f"no table {', '.join(unknown)}; there are"
-            f" {', '.join(n for t in PAGES.values() for n in t)}"
-        )
     found: dict[str, list[Row]] = {}
     failed: list[str] = []
     # Each in a fresh process: OpenSim's module and ezc3d's do not get on.
@@ -45,15 +40,30 @@ def run(names: list[str] | None = None) -> list[Row]:
             failed.extend(part.failed)
             for name, rows in part.rows.items():
                 write(name, rows)
+            written = ", ".join(part.rows)
             print(
-                f"{len(found)} of {len(every)} tables; {', '.join(part.rows)}:"
-                f" {part.seconds:.0f} s",
-                flush=True,
+                f"{len(found)} of {len(every)} tables; {written}: {part.seconds:.0f} s", flush=True
             )
     save("claims", claim_rows(), COMMAND)
     if failed:
         raise RuntimeError("; ".join(failed))
     return [{"table": name, **row} for name in every for row in found[name]]
+
+
+def _chosen(names: list[str] | None) -> list[list[str]]:
+    """Return the tables of each page that are named, all without names.
+
+    Raises
+    ------
+    ValueError
+        where there is no table of a name
+    """
+    parts = [[name for name in tables if not names or name in names] for tables in PAGES.values()]
+    every = [name for part in parts for name in part]
+    if unknown := sorted(set(names or ()) - set(every)):
+        known = [name for tables in PAGES.values() for name in tables]
+        raise ValueError(f"no table {', '.join(unknown)}; there are {', '.join(known)}")
+    return parts
 
 
 class Measured(NamedTuple):

@@ -140,7 +140,10 @@ def _tree(module: str) -> ast.Module:
 
 @cache
 def _definition(module: str, name: str) -> tuple[Definition, ...]:
-    """Where a name of a module is defined, imports followed, those for type checkers too."""
+    """Return where a name of a module is defined.
+
+    Imports are followed, those for type checkers too.
+    """
     for node in ast.walk(_tree(module)):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("myomorph"):
             for alias in node.names:
@@ -149,21 +152,27 @@ def _definition(module: str, name: str) -> tuple[Definition, ...]:
     for node in _tree(module).body:
         if isinstance(node, ast.ClassDef) and node.name == name:
             return ((module, name),)
-        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
-        if isinstance(node, ast.Assign | ast.AnnAssign) and any(
-            getattr(variable, "id", "") == name for variable in targets
-        ):
-            value = node.value
-            # Of a type variable, what it is bound to.
-            parts = (
-                [*value.args[1:], *(word.value for word in value.keywords)]
-                if isinstance(value, ast.Call)
-                else [value]
-            )
-            return tuple(
-                kind
-                for part in parts
-                if part is not None
-                for kind in _classes(module, ast.unparse(part))
-            )
+        if name in _assigned(node):
+            parts = _parts(node.value)
+            return tuple(kind for part in parts for kind in _classes(module, ast.unparse(part)))
     return ()
+
+
+def _assigned(node: ast.stmt) -> set[str]:
+    """Return the names that a statement gives a value."""
+    if isinstance(node, ast.Assign):
+        targets = node.targets
+    elif isinstance(node, ast.AnnAssign):
+        targets = [node.target]
+    else:
+        targets = []
+    return {target.id for target in targets if isinstance(target, ast.Name)}
+
+
+def _parts(value: ast.expr | None) -> list[ast.expr]:
+    """Return the types that an alias stands for; of a type variable, what it is bound to."""
+    if value is None:
+        return []
+    if isinstance(value, ast.Call):
+        return [*value.args[1:], *(word.value for word in value.keywords)]
+    return [value]

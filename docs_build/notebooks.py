@@ -120,6 +120,7 @@ def run_notebook(page: Path, folder: Path, timeout: int = 600) -> None:
 
     Parameters
     ----------
+    page : of the documentation
     folder : to work in
     timeout : of one cell [s]
 

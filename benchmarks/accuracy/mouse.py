@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,8 @@ from myomorph.core.contact.plates import first_corner, loaded_samples
 from myomorph.core.model.arrays import runs
 from myomorph.core.tension.dual import NOT_DETERMINED
 from myomorph.core.tension.tension import Tension
+from myomorph.lab.analysis.length_analysis import LengthAnalysis
+from myomorph.lab.analysis.strides import Strides
 from truths.mouse_commands import by_command
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 from truths.mouse_motion import (
@@ -88,30 +90,25 @@ def measure_strides(folder: Path) -> Iterator[Row]:
         if strides is None or name == "treadmill":
             continue
         for limb in strides.strikes:
-            own = strides.of(limb)
-            if not own:
-                continue
-            other = next(
-                (
-                    values
-                    for key, values in strides.phases.items()
-                    if key != next(iter(strides.phases))
-                ),
-                None,
-            )
-            yield {
-                "recording": name,
-                "limb": "right hind" if limb.endswith("_r") else "left hind",
-                "strides": len(own),
-                "duration [s]": _spread([one.duration for one in own]),
-                "length [mm]": _spread([1e3 * one.length for one in own]),
-                "speed [m/s]": _spread([one.speed for one in own]),
-                "duty factor": _spread([one.duty for one in own]),
-                "width [mm]": _spread([1e3 * one.width for one in own]),
-                "left after right": (
-                    "" if other is None or limb.endswith("_r") else _spread(list(other))
-                ),
-            }
+            if strides.of(limb):
+                yield {"recording": name} | _of_limb(strides, limb)
+
+
+def _of_limb(strides: Strides, limb: str) -> Row:
+    own = strides.of(limb)
+    right = limb.endswith("_r")
+    # Those of the second limb against the first.
+    phases = list(strides.phases.values())[1:2]
+    return {
+        "limb": "right hind" if right else "left hind",
+        "strides": len(own),
+        "duration [s]": _spread([one.duration for one in own]),
+        "length [mm]": _spread([1e3 * one.length for one in own]),
+        "speed [m/s]": _spread([one.speed for one in own]),
+        "duty factor": _spread([one.duty for one in own]),
+        "width [mm]": _spread([1e3 * one.width for one in own]),
+        "left after right": "" if right or not phases else _spread(list(phases[0])),
+    }
 
 
 def _spread(values: list[float]) -> str:
@@ -126,27 +123,16 @@ MUSCLES = ("ILI", "RF", "VL", "BFP_cranial", "SM", "ST", "CF", "TA", "LG", "MG",
 
 def measure_lengths(folder: Path) -> Iterator[Row]:
     """Summarize what muscles do in a stride, right and left, over all mice on the plate."""
-    found = {name: lengths_of(folder, name) for name in recordings(folder) if name != "treadmill"}
+    found = [lengths_of(folder, name) for name in recordings(folder) if name != "treadmill"]
     for muscle in MUSCLES:
         ranges = [
-            one
-            for each in found.values()
-            for one in each.ranges
-            if one.muscle.removesuffix("_l") == muscle
+            one for each in found for one in each.ranges if one.muscle.removesuffix("_l") == muscle
         ]
         if not ranges:
             continue
-        strides = sum(one.strides for one in ranges)
-        scatter = [
-            float(np.nanmean(np.nanstd(each.curves(name), axis=0)))
-            / each.fiber[each.muscles.index(name)]
-            for each in found.values()
-            for name in (muscle, f"{muscle}_l")
-            if len(each.curves(name)) > 1
-        ]
         yield {
             "muscle": muscle,
-            "strides": strides,
+            "strides": sum(one.strides for one in ranges),
             "shortest [% of standing]": _spread(
                 [100.0 * one.shortest / one.standing for one in ranges]
             ),
@@ -157,8 +143,20 @@ def measure_lengths(folder: Path) -> Iterator[Row]:
             "longest at [% of stride]": _spread([one.longest_at for one in ranges]),
             "excursion [fiber lengths]": _spread([one.excursion for one in ranges]),
             "fastest shortening [fiber lengths/s]": _spread([one.shortening for one in ranges]),
-            "between strides [fiber lengths]": float(np.mean(scatter)) if scatter else float("nan"),
+            "between strides [fiber lengths]": _between_strides(found, muscle),
         }
+
+
+def _between_strides(found: Sequence[LengthAnalysis], muscle: str) -> float:
+    """Return the mean standard deviation between strides of a muscle's length [fiber lengths]."""
+    scatter = [
+        float(np.nanmean(np.nanstd(each.curves(name), axis=0)))
+        / each.fiber[each.muscles.index(name)]
+        for each in found
+        for name in (muscle, f"{muscle}_l")
+        if len(each.curves(name)) > 1
+    ]
+    return float(np.mean(scatter)) if scatter else float("nan")
 
 
 def measure_plate(folder: Path) -> Iterator[Row]:

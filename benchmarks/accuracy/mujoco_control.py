@@ -9,7 +9,7 @@ the forces of its muscles itself.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -131,7 +131,8 @@ def _walk(folder: Path, name: str) -> Walk:
     whole = mm.differentiate(
         mm.inverse_kinematics(model, read_markers(folder / files.markers)).motion, CUTOFF
     )
-    motion = whole.frames((whole.time >= WALKS[name][0]) & (whole.time <= WALKS[name][1]))
+    start, end = WALKS[name]
+    motion = whole.frames((whole.time >= start) & (whole.time <= end))
     wrenches = mm.resample_wrenches(read_external_loads(folder / files.loads), motion.time, CUTOFF)
     torques = mm.inverse_dynamics(model, motion, wrenches)
     with tempfile.TemporaryDirectory() as temporary:
@@ -139,19 +140,43 @@ def _walk(folder: Path, name: str) -> Walk:
         mm.write_mjcf(model, path)
         copied = mujoco_model(model)[0]
         copy = MujocoCopy(path, copied)
+    there, rates = _in_copy(model, copied, motion)
+    arms = _arms(model, motion, copy.free)
+    return Walk(
+        motion=motion,
+        wrenches=wrenches,
+        activations=tuple(_activations(model, motion, torques, arms)),
+        copy=copy,
+        there=there,
+        rates=rates,
+        arms=arms,
+    )
+
+
+def _in_copy(model: mm.Model, copied: mm.Model, motion: mm.Motion) -> tuple[Array, Array]:
+    """Return a motion's coordinates and their rates (frames, coordinates) in the exported model."""
     coordinates, speeds = values_and_rates(compile_tree(model), motion)
     there = in_copy(copied, model, coordinates)
     rates = np.zeros_like(there)
     rates[:, [copied.coordinate_names.index(column) for column in model.coordinate_names]] = speeds
-    rates = values_and_rates(
-        compile_tree(copied), mm.Motion(motion.time, copied.coordinate_names, there, rates)
-    )[1]
+    moving = mm.Motion(motion.time, copied.coordinate_names, there, rates)
+    return there, values_and_rates(compile_tree(copied), moving)[1]
+
+
+def _arms(model: mm.Model, motion: mm.Motion, free: Sequence[str]) -> Array:
+    """Return our moment arms (frames, muscles, free) about free coordinates."""
     paths = compile_paths(model)
+    coordinates, _ = values_and_rates(compile_tree(model), motion)
     _, _, pairs = paths.evaluate(coordinates)
     arms = np.zeros((len(motion), len(model.muscles), len(model.coordinates)))
     arms[:, paths.arm_muscle, paths.arm_coordinate] = pairs
-    arms = arms[:, :, [model.coordinate_names.index(column) for column in copy.free]]
-    choices = []
+    return arms[:, :, [model.coordinate_names.index(column) for column in free]]
+
+
+def _activations(
+    model: mm.Model, motion: mm.Motion, torques: mm.Series, arms: Array
+) -> Iterator[Activations]:
+    """Yield the activations of each choice of muscles that give some torques."""
     for of, muscles, passive in (
         ("of our muscles", model.muscles, False),
         ("of our muscles with passive force", model.muscles, True),
@@ -160,18 +185,7 @@ def _walk(folder: Path, name: str) -> Walk:
         tension = mm.solve_tension(
             replace(model, muscles=muscles), motion, torques, TensionOptions(passive=passive)
         )
-        choices.append(
-            Activations(of, tension, np.einsum("fmc,fm->fc", arms, tension.muscle_force))
-        )
-    return Walk(
-        motion=motion,
-        wrenches=wrenches,
-        activations=tuple(choices),
-        copy=copy,
-        there=there,
-        rates=rates,
-        arms=arms,
-    )
+        yield Activations(of, tension, np.einsum("fmc,fm->fc", arms, tension.muscle_force))
 
 
 def _mujoco_torques(walk: Walk, tension: Tension) -> Array:
@@ -234,52 +248,95 @@ def _forward(
     and dampers help.
     """
     copy = walk.copy
-    time = walk.motion.time
-    tension = choice.tension
     m = copy.m
     d = copy.d
-    columns = [copy.model.coordinate_names.index(name) for name in copy.free]
-    asked = tension.balanced_torque[:, [tension.coordinates.index(name) for name in copy.free]]
-    path = CubicHermiteSpline(time, walk.there[:, columns], walk.rates[:, columns])
-    speed = path.derivative()
-    applied = CubicSpline(time, asked - choice.torques if muscles else asked)
-    active = CubicSpline(time, tension.activation)
-    loads = walk.wrenches
-    forces = CubicSpline(time, loads.forces)
-    moments = CubicSpline(time, loads.torques + np.cross(np.nan_to_num(loads.points), loads.forces))
-    bodies = [mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_BODY, body) for body in loads.bodies]
+    recorded = _recorded(walk, choice, muscles)
+    begin = walk.motion.time[start]
     _start(walk, start, muscles)
     free = [copy.simple[name][0] for name in copy.free]
+    stiffness, damping = _springs(copy, corrected)
+    # Taken implicitly by MuJoCo's integrator, as feet are light.
+    m.dof_damping[copy.free_dofs] = damping
     errors = []
     corrections = []
+    with silent_mujoco():
+        for step in range(round(seconds / m.opt.timestep)):
+            now = begin + step * m.opt.timestep
+            # Loads act at points of the laboratory: bodies are where this step finds them.
+            mujoco.mj_step1(m, d)
+            gap = recorded.path(now) - d.qpos[free]
+            rate = recorded.speed(now) - d.qvel[copy.free_dofs]
+            corrections.append(stiffness * gap + damping * rate)
+            d.qfrc_applied[copy.free_dofs] = (
+                recorded.torques(now) + corrections[-1] + damping * d.qvel[copy.free_dofs]
+            )
+            recorded.drive(d, now)
+            mujoco.mj_step2(m, d)
+            errors.append(
+                np.degrees(d.qpos[free] - recorded.path(begin + (step + 1) * m.opt.timestep))
+            )
+    joints = _joints(copy)
+    return np.array(errors)[:, joints], np.array(corrections)[:, joints]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Recorded:
+    """What was recorded, and what acts with it, as functions of time [s].
+
+    Attributes
+    ----------
+    path, speed : (free,) coordinates [rad or m] and their rates
+    torques : (free,) beside those of muscles [N m or N]
+    activation : (muscles,)
+    forces, moments : (loads, 3) ground forces [N], and their moments about the ground's origin
+    bodies : numbers of the bodies that the loads act on
+    """
+
+    path: CubicHermiteSpline
+    speed: CubicHermiteSpline
+    torques: CubicSpline
+    activation: CubicSpline
+    forces: CubicSpline
+    moments: CubicSpline
+    bodies: Sequence[int]
+
+    def drive(self, d: mujoco.MjData, now: float) -> None:
+        """Set activations and ground forces of a time."""
+        d.act[:] = np.clip(self.activation(now), 0.0, 1.0)
+        d.ctrl[: len(d.act)] = d.act
+        d.xfrc_applied[:] = 0.0
+        for i, body in enumerate(self.bodies):
+            force = self.forces(now)[i]
+            d.xfrc_applied[body, :3] += force
+            d.xfrc_applied[body, 3:] += self.moments(now)[i] - np.cross(d.xipos[body], force)
+
+
+def _recorded(walk: Walk, choice: Activations, muscles: bool) -> _Recorded:
+    copy = walk.copy
+    time = walk.motion.time
+    tension = choice.tension
+    loads = walk.wrenches
+    columns = [copy.model.coordinate_names.index(name) for name in copy.free]
+    needed = tension.balanced_torque[:, [tension.coordinates.index(name) for name in copy.free]]
+    path = CubicHermiteSpline(time, walk.there[:, columns], walk.rates[:, columns])
+    moments = loads.torques + np.cross(np.nan_to_num(loads.points), loads.forces)
+    return _Recorded(
+        path=path,
+        speed=path.derivative(),
+        torques=CubicSpline(time, needed - choice.torques if muscles else needed),
+        activation=CubicSpline(time, tension.activation),
+        forces=CubicSpline(time, loads.forces),
+        moments=CubicSpline(time, moments),
+        bodies=[mujoco.mj_name2id(copy.m, mujoco.mjtObj.mjOBJ_BODY, body) for body in loads.bodies],
+    )
+
+
+def _springs(copy: MujocoCopy, corrected: bool) -> tuple[Array, Array]:
+    """Return stiffness and damping (free,) of springs at the coordinates, 0 without correction."""
     translating = np.array([name in TRANSLATIONS for name in copy.free])
     stiffness = corrected * np.where(translating, STIFFNESS[1], STIFFNESS[0])
     damping = corrected * np.where(translating, DAMPING[1], DAMPING[0])
-    # Taken implicitly by MuJoCo's integrator, as feet are light.
-    m.dof_damping[copy.free_dofs] = damping
-    with silent_mujoco():
-        for step in range(round(seconds / m.opt.timestep)):
-            now = time[start] + step * m.opt.timestep
-            # Loads act at points of the laboratory: bodies are where this step finds them.
-            mujoco.mj_step1(m, d)
-            gap = path(now) - d.qpos[free]
-            rate = speed(now) - d.qvel[copy.free_dofs]
-            corrections.append(stiffness * gap + damping * rate)
-            d.qfrc_applied[copy.free_dofs] = (
-                applied(now) + corrections[-1] + damping * d.qvel[copy.free_dofs]
-            )
-            d.act[:] = np.clip(active(now), 0.0, 1.0)
-            d.ctrl[: len(d.act)] = d.act
-            d.xfrc_applied[:] = 0.0
-            for i, body in enumerate(bodies):
-                force = forces(now)[i]
-                d.xfrc_applied[body, :3] += force
-                d.xfrc_applied[body, 3:] += moments(now)[i] - np.cross(d.xipos[body], force)
-            mujoco.mj_step2(m, d)
-            after = time[start] + (step + 1) * m.opt.timestep
-            errors.append(np.degrees(d.qpos[free] - path(after)))
-    joints = _joints(copy)
-    return np.array(errors)[:, joints], np.array(corrections)[:, joints]
+    return stiffness, damping
 
 
 def _joints(copy: MujocoCopy) -> list[int]:

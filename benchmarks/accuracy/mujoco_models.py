@@ -10,6 +10,7 @@ import numpy as np
 
 import myomorph as mm
 from myomorph.core.io.formats import COMPOSED
+from myomorph.exchange.mujoco.certificate import Certificate
 
 MODELS = (
     "opensim-gait-subject01/ref_scale/gait2354_simbody.osim",
@@ -43,28 +44,32 @@ def measure(folder: Path) -> Iterator[Row]:
             certificate = mm.write_mjcf(
                 mm.read_model(name if composed else folder / name), Path(temporary) / "a.xml"
             )
-        every = certificate.differences
-        length = max(every, key=lambda one: one.length)
-        arm = max(every, key=lambda one: one.arm)
-        yield {
-            "model": name if composed else f"{name.split('/')[0]} {Path(name).stem}",
-            "MuJoCo": certificate.version,
-            "muscles": len(every),
-            "within": sum(one.within for one in every),
-            "lengths within": sum(one.length <= 1e-4 for one in every),
-            "median length [mm]": 1e3 * float(np.median([one.length for one in every])),
-            "length [mm]": 1e3 * length.length,
-            "length of": f"{length.muscle}, {length.length_at[0]} {length.length_at[1]:.2f}",
-            "median moment arm [mm]": 1e3 * float(np.median([one.arm for one in every])),
-            "moment arm [mm]": 1e3 * arm.arm,
-            "moment arm of": (
-                f"{arm.muscle} about {arm.arm_about}, {arm.arm_at[0]} {arm.arm_at[1]:.2f}"
-            ),
-            "own [mm]": 1e3 * max(one.own for one in every),
-            "poses within, all together [%]": 100.0 * float(np.mean([one.share for one in every])),
-            "force at rest [% of strength]": 100.0 * max(one.force for one in every),
-            "force in motion [% of strength]": 100.0 * max(one.moving_force for one in every),
-            "torque [N m]": certificate.torque,
-            "mass [kg]": certificate.mass,
-            "steps": "yes" if certificate.steps else "no",
-        }
+        title = name if composed else f"{name.split('/')[0]} {Path(name).stem}"
+        yield {"model": title} | _row(certificate)
+
+
+def _row(certificate: Certificate) -> Row:
+    every = certificate.differences
+    length = max(every, key=lambda one: one.length)
+    arm = max(every, key=lambda one: one.arm)
+    length_at, length_value = length.length_at
+    arm_at, arm_value = arm.arm_at
+    return {
+        "MuJoCo": certificate.version,
+        "muscles": len(every),
+        "within": sum(one.within for one in every),
+        "lengths within": sum(one.length <= 1e-4 for one in every),
+        "median length [mm]": 1e3 * float(np.median([one.length for one in every])),
+        "length [mm]": 1e3 * length.length,
+        "length of": f"{length.muscle}, {length_at} {length_value:.2f}",
+        "median moment arm [mm]": 1e3 * float(np.median([one.arm for one in every])),
+        "moment arm [mm]": 1e3 * arm.arm,
+        "moment arm of": f"{arm.muscle} about {arm.arm_about}, {arm_at} {arm_value:.2f}",
+        "own [mm]": 1e3 * max(one.own for one in every),
+        "poses within, all together [%]": 100.0 * float(np.mean([one.share for one in every])),
+        "force at rest [% of strength]": 100.0 * max(one.force for one in every),
+        "force in motion [% of strength]": 100.0 * max(one.moving_force for one in every),
+        "torque [N m]": certificate.torque,
+        "mass [kg]": certificate.mass,
+        "steps": "yes" if certificate.steps else "no",
+    }

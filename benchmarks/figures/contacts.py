@@ -151,54 +151,17 @@ WAYS = {
 
 
 def draw_lift(file: Path) -> None:
-    """Vertical force of the hands and bending moment at L5/S1 over both lifts."""
+    """Draw vertical force of the hands and bending moment at L5/S1 over both lifts."""
     folder = data_folder()
     with page(file, 2, len(LIFTS), (8.4, 6.0), sharex="col", sharey="row", span=(0.09, 0.90)) as (
         figure,
         axes,
     ):
         for column, lift in enumerate(LIFTS):
-            time = recorded(folder, lift).markers.time
-            off = left_floor(folder, lift)
-            below, above = of_laboratory(recorded(folder, lift))
-            passing = spine(folder, lift)
             force, moment = axes[:, column]
-            force.axhline(BOX_MASS * 9.80665, color="#999999", lw=0.8, ls=":")
-            force.text(
-                0.05, BOX_MASS * 9.80665 + 3.0, "weight of the box", color="#777777", fontsize=8
-            )
-            force.plot(
-                time, hands_measured(folder, lift)[:, 1], color=TRUTH, lw=2.2, label="measured"
-            )
-            moment.plot(time, -below[:, 2], color=TRUTH, lw=2.2, label="laboratory, from below")
-            late = time >= off
-            moment.plot(
-                time[late], -above[late, 2], color="#777777", lw=1.4, label="laboratory, from above"
-            )
-            moment.plot(
-                time, -passing.from_below[:, 2], color="#e08214", lw=1.4, label="ours, from below"
-            )
-            for way, (words, color, style) in WAYS.items():
-                one = found(folder, lift, way)
-                force.plot(time, one.hands[:, 1], color=color, ls=style, lw=1.2, label=words)
-                if way != "box":
-                    told = passing.from_above + carried_moment(passing, one)
-                    label = words.replace("found", "ours, from above")
-                    moment.plot(time, -told[:, 2], color=color, ls=style, lw=1.1, label=label)
-            held = np.flatnonzero(holding(folder, lift)[1].any(axis=1))[::2]
-            intervals = left_open(task(folder, lift, "hidden"), held.tolist())
-            hands = intervals.groups.index("hands")
-            greatest = -intervals.low[:, hands, 1]
-            least = -intervals.high[:, hands, 1]
-            force.fill_between(
-                time[held],
-                least,
-                greatest,
-                color="#b2182b",
-                alpha=0.12,
-                lw=0,
-                label="left open, no plate",
-            )
+            _draw_hand_force(force, folder, lift)
+            _draw_spine_moment(moment, folder, lift)
+            off = left_floor(folder, lift)
             for axis in (force, moment):
                 axis.axvline(off, color="#bbbbbb", lw=0.8)
             force.set_title(f"lift {column + 1}", fontsize=9)
@@ -206,13 +169,56 @@ def draw_lift(file: Path) -> None:
             moment.text(off + 0.03, 2.0, "off the floor", color="#777777", fontsize=8)
         axes[0, 0].set_ylabel("hands on the box, up [N]")
         axes[1, 0].set_ylabel("extending moment at L5/S1 [N m]")
-        for row, (place, columns) in enumerate(((0.95, 3), (0.045, 3))):
+        for row, place in enumerate((0.95, 0.045)):
             handles, labels = axes[row, 0].get_legend_handles_labels()
             figure.legend(
                 handles,
                 labels,
                 loc="center",
                 bbox_to_anchor=(0.5, place),
-                ncols=columns,
+                ncols=3,
                 frameon=False,
             )
+
+
+def _draw_hand_force(axis: Axes, folder: Path, lift: str) -> None:
+    """Draw the vertical force of the hands: measured, estimated, and what is undetermined."""
+    time = recorded(folder, lift).markers.time
+    weight = BOX_MASS * 9.80665
+    axis.axhline(weight, color="#999999", lw=0.8, ls=":")
+    axis.text(0.05, weight + 3.0, "weight of the box", color="#777777", fontsize=8)
+    measured = hands_measured(folder, lift)[:, 1]
+    axis.plot(time, measured, color=TRUTH, lw=2.2, label="measured")
+    for way, (words, color, style) in WAYS.items():
+        hands = found(folder, lift, way).hands[:, 1]
+        axis.plot(time, hands, color=color, ls=style, lw=1.2, label=words)
+    held = np.flatnonzero(holding(folder, lift)[1].any(axis=1))[::2]
+    intervals = left_open(task(folder, lift, "hidden"), held.tolist())
+    group = intervals.groups.index("hands")
+    axis.fill_between(
+        time[held],
+        -intervals.high[:, group, 1],
+        -intervals.low[:, group, 1],
+        color="#b2182b",
+        alpha=0.12,
+        lw=0,
+        label="left open, no plate",
+    )
+
+
+def _draw_spine_moment(axis: Axes, folder: Path, lift: str) -> None:
+    """Draw the bending moment at L5/S1: the laboratory's and ours, from below and from above."""
+    time = recorded(folder, lift).markers.time
+    below, above = of_laboratory(recorded(folder, lift))
+    passing = spine(folder, lift)
+    axis.plot(time, -below[:, 2], color=TRUTH, lw=2.2, label="laboratory, from below")
+    late = time >= left_floor(folder, lift)
+    axis.plot(time[late], -above[late, 2], color="#777777", lw=1.4, label="laboratory, from above")
+    ours = -passing.from_below[:, 2]
+    axis.plot(time, ours, color="#e08214", lw=1.4, label="ours, from below")
+    for way, (words, color, style) in WAYS.items():
+        if way == "box":
+            continue
+        from_above = passing.from_above + carried_moment(passing, found(folder, lift, way))
+        label = words.replace("found", "ours, from above")
+        axis.plot(time, -from_above[:, 2], color=color, ls=style, lw=1.1, label=label)

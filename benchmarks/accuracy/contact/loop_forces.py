@@ -6,7 +6,7 @@ Compared are moment arms, inverse dynamics and static optimization.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from benchmarks.opensim_static import (
     static_optimization,
     write_actuators,
 )
-from myomorph.core.model.paths import MovingPathPoint
+from myomorph.core.model.paths import MovingPathPoint, Muscle
 from myomorph.core.muscles.coupled_arms import loop_couplings, loop_groups
 from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.bushings import angular_velocities
@@ -66,6 +66,22 @@ class ArmCounts:
     slope: float = 0.0
     rough: float = 0.0
 
+    def put_difference(self, muscle: Muscle, wrapped: int, off: float) -> None:
+        """Count the difference from OpenSim [m] of a path with some points on wrap objects."""
+        if any(isinstance(point, MovingPathPoint) for point in muscle.path.points):
+            self.moving = max(self.moving, off)
+        elif wrapped > 2:
+            self.two = max(self.two, off)
+        else:
+            self.same = max(self.same, off)
+
+    def put_slope(self, surfaces: Sequence[str], off: float) -> None:
+        """Count the difference from the slope of length [m] of a path over kinds of surfaces."""
+        if len(surfaces) > 1 or "ellipsoid" in surfaces:
+            self.rough = max(self.rough, off)
+        else:
+            self.slope = max(self.slope, off)
+
 
 def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
     """Compare moment arms of all muscles about all coordinates.
@@ -98,42 +114,32 @@ def measure_arms(folder: Path) -> Iterator[dict[str, object]]:
 
 def _compare_arms(path: Path, tree: Tree, c: np.ndarray) -> ArmCounts:
     model = tree.model
-    names = model.coordinate_names
-    motion = mm.Motion(np.arange(len(c)) * 1.0, names, c)
+    motion = mm.Motion(np.arange(len(c)) * 1.0, model.coordinate_names, c)
     arms = mm.muscle_kinematics(model, motion, velocities=False).moment_arm
     slopes = _slopes(tree, c)
+    kinds = {one.name: one.kind for one in model.wrap_objects}
     theirs = opensim.Model(str(path))
     state = theirs.initSystem()
-    named = theirs.getCoordinateSet()
-    kinds = {one.name: one.kind for one in model.wrap_objects}
+    coordinates = [theirs.getCoordinateSet().get(name) for name in model.coordinate_names]
     found = ArmCounts()
     for frame in range(len(c)):
-        for j, name in enumerate(names):
-            named.get(name).setValue(state, float(c[frame, j]), False)
+        for coordinate, value in zip(coordinates, c[frame], strict=True):
+            coordinate.setValue(state, float(value), False)
         theirs.realizePosition(state)
         for i, muscle in enumerate(model.muscles):
-            points = theirs.getMuscles().get(muscle.name).getGeometryPath()
-            given = np.array([points.computeMomentArm(state, named.get(name)) for name in names])
-            off = float(np.abs(given - arms[frame, i]).max())
-            current = points.getCurrentPath(state)
-            wrapped = sum(
-                current.get(k).getConcreteClassName() == "PathWrapPoint"
-                for k in range(current.getSize())
-            )
-            if any(isinstance(point, MovingPathPoint) for point in muscle.path.points):
-                found.moving = max(found.moving, off)
-            elif wrapped > 2:
-                found.two = max(found.two, off)
-            else:
-                found.same = max(found.same, off)
-            found.pairs += len(names)
-            off = float(np.abs(arms[frame, i] + slopes[frame, i]).max())
+            geometry = theirs.getMuscles().get(muscle.name).getGeometryPath()
+            given = np.array([geometry.computeMomentArm(state, one) for one in coordinates])
+            wrapped = _wrapped_points(geometry.getCurrentPath(state))
+            found.pairs += len(coordinates)
+            found.put_difference(muscle, wrapped, float(np.abs(given - arms[frame, i]).max()))
             surfaces = [kinds[wrap.wrap_object] for wrap in muscle.path.wraps]
-            if len(surfaces) > 1 or "ellipsoid" in surfaces:
-                found.rough = max(found.rough, off)
-            else:
-                found.slope = max(found.slope, off)
+            found.put_slope(surfaces, float(np.abs(arms[frame, i] + slopes[frame, i]).max()))
     return found
+
+
+def _wrapped_points(path: opensim.AbstractPathPointArray) -> int:
+    """Count the points of a path that lie on wrap objects."""
+    return sum(path.get(k).getConcreteClassName() == "PathWrapPoint" for k in range(path.getSize()))
 
 
 def _slopes(tree: Tree, c: np.ndarray) -> np.ndarray:
@@ -232,32 +238,65 @@ def _solver(path: Path, model: mm.Model, motion: mm.Motion, torques: np.ndarray)
     named = theirs.getCoordinateSet()
     solver = opensim.InverseDynamicsSolver(theirs)
     rows = [names.index(name) for name in SCAPULA]
-    columns = [motion.names.index(name) for name in names]
-    c = motion.values[:, columns]
-    assert motion.velocities is not None
-    assert motion.accelerations is not None
-    rates = motion.velocities[:, columns]
-    changes = motion.accelerations[:, columns]
-    turn = angular_velocities(c[:, rows[0]], c[:, rows[1]])
-    ahead = angular_velocities(*(c[:, rows[:2]] + STEP * rates[:, rows[:2]]).T)
-    behind = angular_velocities(*(c[:, rows[:2]] - STEP * rates[:, rows[:2]]).T)
-    turning = (ahead - behind) / (2.0 * STEP)
+    moving = _scapular_speeds(model, motion, rows)
     worst = 0.0
     for name in names:
         named.get(name).setLocked(state, False)
     for frame in np.linspace(0, len(motion) - 1, 10).astype(int):
-        u = rates[frame].copy()
-        udot = changes[frame].copy()
-        u[rows] = turn[frame] @ rates[frame, rows]
-        udot[rows] = turn[frame] @ changes[frame, rows] + turning[frame] @ rates[frame, rows]
         for j, name in enumerate(names):
-            named.get(name).setValue(state, float(c[frame, j]), False)
-            named.get(name).setSpeedValue(state, float(u[j]))
+            named.get(name).setValue(state, float(moving.values[frame, j]), False)
+            named.get(name).setSpeedValue(state, float(moving.speeds[frame, j]))
         theirs.realizeVelocity(state)
-        found = solver.solve(state, opensim.Vector.createFromMat(udot)).to_numpy().copy()
-        found[rows] = turn[frame].T @ found[rows]
+        udot = opensim.Vector.createFromMat(moving.accelerations[frame])
+        found = solver.solve(state, udot).to_numpy().copy()
+        found[rows] = moving.turns[frame].T @ found[rows]
         worst = max(worst, float(np.abs(found - torques[frame]).max()))
     return worst
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _ScapularMotion:
+    """A motion by OpenSim's speeds, those of the scapula its angular velocity.
+
+    Attributes
+    ----------
+    values : (frames, coordinates) [rad or m]
+    speeds : (frames, coordinates) [rad/s or m/s]
+    accelerations : (frames, coordinates) [rad/s^2 or m/s^2]
+    turns : (frames, 3, 3) angular velocity of the scapula per rate of its coordinates
+    """
+
+    values: np.ndarray
+    speeds: np.ndarray
+    accelerations: np.ndarray
+    turns: np.ndarray
+
+
+def _scapular_speeds(model: mm.Model, motion: mm.Motion, rows: list[int]) -> _ScapularMotion:
+    """Return a motion by OpenSim's speeds.
+
+    Of the scapula, with the rates q' of its coordinates, u = N q' and u' = N q'' + N' q'. N' is a
+    central difference along the motion.
+    """
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    columns = [motion.names.index(name) for name in model.coordinate_names]
+    c = motion.values[:, columns]
+    rates = motion.velocities[:, columns]
+    changes = motion.accelerations[:, columns]
+    turns = angular_velocities(c[:, rows[0]], c[:, rows[1]])
+    ahead = angular_velocities(*(c[:, rows[:2]] + STEP * rates[:, rows[:2]]).T)
+    behind = angular_velocities(*(c[:, rows[:2]] - STEP * rates[:, rows[:2]]).T)
+    turning = (ahead - behind) / (2.0 * STEP)
+    speeds = rates.copy()
+    accelerations = changes.copy()
+    for frame in range(len(motion)):
+        turn = turns[frame]
+        speeds[frame, rows] = turn @ rates[frame, rows]
+        accelerations[frame, rows] = (
+            turn @ changes[frame, rows] + turning[frame] @ rates[frame, rows]
+        )
+    return _ScapularMotion(values=c, speeds=speeds, accelerations=accelerations, turns=turns)
 
 
 def measure_static(folder: Path) -> Iterator[dict[str, object]]:

@@ -71,30 +71,50 @@ def climb(folder: Path) -> Climb:
     time = np.arange(0.0, CYCLES * PERIOD, 1.0 / RATE)
     targets = {}
     rung = {}
-    for side, shift in (("r", 0.0), ("l", 0.5)):
-        cycle = time / PERIOD - shift
-        turn = np.floor(cycle).astype(np.int64)
-        share = cycle % 1.0
-        u = np.clip((share - DUTY) / (1.0 - DUTY), 0.0, 1.0)
-        smooth = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
-        at = 2.0 * (turn + smooth) + (1.0 if side == "l" else 0.0) + 2.0
-        place = np.stack(
-            [PITCH * at, RISE * at, np.full_like(at, APART if side == "r" else -APART)], axis=1
-        )
-        place[:, 1] += 0.004 * np.sin(np.pi * u) ** 2
-        targets[side] = place
-        rung[side] = np.where(share < DUTY, 2 * turn + (side == "l") + 2, -1)
-    body = np.stack(
-        [
-            PITCH * (2.0 * time / PERIOD + 2.2),
-            RISE * (2.0 * time / PERIOD + 2.0) + 0.03,
-            0.0 * time,
-        ],
-        axis=1,
-    )
-    motion = _followed(model, time, body, targets)
+    for side in PAWS:
+        targets[side], rung[side] = _paw_path(time, side)
+    motion = _followed(model, time, _body_path(time), targets)
     places = _paws(model, motion)
-    steps = tuple(
+    steps = _ladder()
+    return Climb(
+        model=model,
+        motion=motion,
+        steps=steps,
+        sites=tuple(Site(f"paw_{side}", body, np.zeros((1, 3))) for side, body in PAWS.items()),
+        forces={side: _paw_force(time, side, model.weight) for side in PAWS},
+        points={side: _on_rungs(steps, rung[side], places[side]) for side in PAWS},
+        rung=rung,
+    )
+
+
+def _paw_path(time: Array, side: str) -> tuple[Array, np.ndarray]:
+    """Return where a paw goes (frames, 3) [m], and the rung (frames,) that it stands on.
+
+    The left paw is half a cycle later and a rung further. In swing the rung is -1.
+    """
+    left = side == "l"
+    cycle = time / PERIOD - (0.5 if left else 0.0)
+    turn = np.floor(cycle).astype(np.int64)
+    share = cycle % 1.0
+    u = np.clip((share - DUTY) / (1.0 - DUTY), 0.0, 1.0)
+    smooth = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    at = 2.0 * (turn + smooth) + (1.0 if left else 0.0) + 2.0
+    across = np.full_like(at, -APART if left else APART)
+    place = np.stack([PITCH * at, RISE * at, across], axis=1)
+    place[:, 1] += 0.004 * np.sin(np.pi * u) ** 2
+    return place, np.where(share < DUTY, 2 * turn + left + 2, -1)
+
+
+def _body_path(time: Array) -> Array:
+    """Return where the pelvis goes (frames, 3) [m]."""
+    forward = PITCH * (2.0 * time / PERIOD + 2.2)
+    up = RISE * (2.0 * time / PERIOD + 2.0) + 0.03
+    return np.stack([forward, up, 0.0 * time], axis=1)
+
+
+def _ladder() -> tuple[Step, ...]:
+    """Return the rungs, each with a cell of six axes."""
+    return tuple(
         Step(
             name=f"rung{k}",
             pose=Transform(
@@ -108,31 +128,25 @@ def climb(folder: Path) -> Climb:
         )
         for k in range(2 * CYCLES + 4)
     )
-    forces = {}
-    points = {}
-    for side in PAWS:
-        share = (time / PERIOD - (0.5 if side == "l" else 0.0)) % 1.0 / DUTY
-        push = np.where(share < 1.0, np.sin(np.pi * np.clip(share, 0.0, 1.0)), 0.0) * model.weight
-        out = 0.06 if side == "r" else -0.06
-        forces[side] = np.stack(
-            [0.15 * push * np.sin(np.pi * (2 * share - 1)), 0.9 * push, out * push], axis=1
-        )
-        # The paw presses on the rung where it is, as far as the rung reaches.
-        points[side] = np.array(
-            [
-                _on(steps[max(int(k), 0)], place) if k >= 0 else place
-                for k, place in zip(rung[side], places[side], strict=True)
-            ]
-        )
-    sites = tuple(Site(f"paw_{side}", body, np.zeros((1, 3))) for side, body in PAWS.items())
-    return Climb(
-        model=model,
-        motion=motion,
-        steps=steps,
-        sites=sites,
-        forces=forces,
-        points=points,
-        rung=rung,
+
+
+def _paw_force(time: Array, side: str, weight: float) -> Array:
+    """Return the force on a paw (frames, 3) [N], a half sine while it stands."""
+    left = side == "l"
+    share = (time / PERIOD - (0.5 if left else 0.0)) % 1.0 / DUTY
+    push = np.where(share < 1.0, np.sin(np.pi * np.clip(share, 0.0, 1.0)), 0.0) * weight
+    forward = 0.15 * push * np.sin(np.pi * (2 * share - 1))
+    out = -0.06 if left else 0.06
+    return np.stack([forward, 0.9 * push, out * push], axis=1)
+
+
+def _on_rungs(steps: tuple[Step, ...], rung: np.ndarray, places: Array) -> Array:
+    """Return where a paw presses (frames, 3) [m]: where it is, as far as the rung reaches."""
+    return np.array(
+        [
+            _on(steps[max(int(k), 0)], place) if k >= 0 else place
+            for k, place in zip(rung, places, strict=True)
+        ]
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -64,6 +65,21 @@ def implant(folder: Path, stride: str) -> Walk:
     )
 
 
+class _Swap(NamedTuple):
+    """Two channels that were exchanged.
+
+    Attributes
+    ----------
+    found : they are named
+    other : other ones are named instead
+    different : they work at different times
+    """
+
+    found: bool
+    other: bool
+    different: bool
+
+
 def _swaps(walk: Walk) -> Row:
     """Exchange each pair of channels that are no noise; the delay is the clean recording's."""
     names = tuple(name for name in walk.channels if name not in _noisy(walk))
@@ -77,29 +93,29 @@ def _swaps(walk: Walk) -> Row:
     )
     columns = [walk.emg.names.index(name) for name in names]
     clean = shifted(walk.emg, motion.time, np.full(len(walk.emg.names), delay))[:, columns]
-    alike = np.atleast_2d(np.corrcoef(clean[np.isfinite(clean).all(axis=1)].T))
-    found = 0
-    pairs = 0
-    others = 0
-    different = 0
-    of_these = 0
-    for i, j in itertools.combinations(range(len(names)), 2):
-        order = np.arange(len(names))
-        order[[i, j]] = j, i
-        swaps = swapped_channels(clean[:, order], activations)
-        hit = any({one.first, one.second} == {i, j} for one in swaps)
-        apart = bool(alike[i, j] < DIFFERENT)
-        pairs = pairs + 1
-        found = found + hit
-        others = others + (bool(swaps) and not hit)
-        different = different + apart
-        of_these = of_these + (apart and hit)
+    swaps = list(_exchanged(clean, activations))
+    different = [swap for swap in swaps if swap.different]
     return {
         "pairs called exchanged in the clean recording": len(swapped_channels(clean, activations)),
-        "exchanged pairs found": f"{found} of {pairs}",
-        "of those that work at different times": f"{of_these} of {different}",
-        "another pair named": others,
+        "exchanged pairs found": f"{sum(swap.found for swap in swaps)} of {len(swaps)}",
+        "of those that work at different times": (
+            f"{sum(swap.found for swap in different)} of {len(different)}"
+        ),
+        "another pair named": sum(swap.other for swap in swaps),
     }
+
+
+def _exchanged(clean: Array, activations: Array) -> Iterator[_Swap]:
+    """Exchange each pair of clean channels (frames, channels)."""
+    alike = np.atleast_2d(np.corrcoef(clean[np.isfinite(clean).all(axis=1)].T))
+    for i, j in itertools.combinations(range(clean.shape[1]), 2):
+        order = np.arange(clean.shape[1])
+        order[[i, j]] = j, i
+        named = swapped_channels(clean[:, order], activations)
+        found = any({one.first, one.second} == {i, j} for one in named)
+        yield _Swap(
+            found=found, other=bool(named) and not found, different=bool(alike[i, j] < DIFFERENT)
+        )
 
 
 def _noise(walk: Walk) -> Row:

@@ -44,7 +44,7 @@ KILLS = 20
 LOSSES = 10
 SETTINGS = {"SOURCE_DATE_EPOCH": "1700000000", "OPENBLAS_NUM_THREADS": "1"}
 """A fixed date makes results that can be compared byte for byte."""
-DOUBTS: list[str] = []
+WRONG: list[str] = []
 """What was not as it should be, in words, for whoever runs this."""
 
 
@@ -121,7 +121,7 @@ def _row(what: str, times: object, reference: Path, out: Path, half: int, said: 
     """Compare the final results of a study with those of an undisturbed one."""
     files, unequal = differences(out, reference)
     twice = computed_twice(out)
-    DOUBTS.extend(f"{what}: {one}" for one in (*unequal, *twice, *left_over(out)))
+    WRONG.extend(f"{what}: {one}" for one in (*unequal, *twice, *left_over(out)))
     return {
         "what happened": what,
         "trials": len(list(reference.glob("*/*/*.nc"))),
@@ -161,34 +161,43 @@ def killed(
                 else None
             )
         if process.poll() is None:
-            others = others_of(process)
-            process.kill()
-            if kills % 2:
-                for one in others:
-                    with suppress(psutil.Error):
-                        one.kill()
-            killed_at = time.monotonic()
-            _, alive = psutil.wait_procs(others, timeout=30)
-            longest = max(longest, time.monotonic() - killed_at)
-            DOUBTS.extend(f"killed: process {one.pid} lives on" for one in alive)
+            longest = max(longest, _kill(process, workers_too=bool(kills % 2)))
             kills += 1
-            if home.is_dir():
-                found = half_written(home) + differences(home, reference, whole=False)[1]
-                DOUBTS.extend(f"killed: {one}" for one in found)
-                half += len(found)
+            half += _count_damage(home, reference)
             end_of(process)
             continue
         code, said = end_of(process)
-        DOUBTS.extend(
-            [] if code == 0 else [f"killed: the last run ended with {code}: {said[-500:]}"]
-        )
-        told = f"workers of a killed program ended within {longest:.1f} s"
-        yield _row("program killed", kills, reference, home, half, told)
+        if code:
+            WRONG.append(f"killed: the last run ended with {code}: {said[-500:]}")
+        note = f"workers of a killed program ended within {longest:.1f} s"
+        yield _row("program killed", kills, reference, home, half, note)
         if kills >= times:
             return
         attempt = attempt + 1
         times = times - kills
         kills = 0
+
+
+def _kill(process: Run, workers_too: bool) -> float:
+    """Kill a program, with or without its workers; return when they have ended [s]."""
+    others = others_of(process)
+    process.kill()
+    for one in others if workers_too else ():
+        with suppress(psutil.Error):
+            one.kill()
+    killed_at = time.monotonic()
+    _, alive = psutil.wait_procs(others, timeout=30)
+    WRONG.extend(f"killed: process {one.pid} lives on" for one in alive)
+    return time.monotonic() - killed_at
+
+
+def _count_damage(home: Path, reference: Path) -> int:
+    """Count files that are half-written or not equal after a program was killed."""
+    if not home.is_dir():
+        return 0
+    found = half_written(home) + differences(home, reference, whole=False)[1]
+    WRONG.extend(f"killed: {one}" for one in found)
+    return len(found)
 
 
 def workers_killed(study: Path, reference: Path, out: Path, times: int = LOSSES) -> Row:
@@ -211,7 +220,7 @@ def workers_killed(study: Path, reference: Path, out: Path, times: int = LOSSES)
     told = f"{losses(out)} jobs lost their worker, {said.count('was lost twice')} of them twice"
     if code:
         code, said = end_of(begin(study, out))
-        DOUBTS.extend([] if code == 0 else [f"worker killed: ended with {code}: {said[-500:]}"])
+        WRONG.extend([] if code == 0 else [f"worker killed: ended with {code}: {said[-500:]}"])
     return _row("a worker killed", kills, reference, out, len(half_written(out)), told)
 
 
@@ -229,7 +238,7 @@ def started_twice(study: Path, reference: Path, out: Path) -> Row:
     third = end_of(begin(study, out))
     ends = sorted([*(end_of(one) for one in both), third])
     if [code for code, _ in ends] != [0, 2, 2]:
-        DOUBTS.append(f"started twice: {ends}")
+        WRONG.append(f"started twice: {ends}")
     refused = next(said for code, said in ends if code == 2)
     return _row(
         "three runs at once", 1, reference, out, len(half_written(out)), _one_line(refused, out)
@@ -246,16 +255,16 @@ def disk_full(study: Path, reference: Path, out: Path) -> Row:
     try:
         code, said = end_of(begin(study, out))
         half = half_written(out) + differences(out, reference, whole=False)[1]
-        DOUBTS.extend(f"disk full: {one}" for one in half)
+        WRONG.extend(f"disk full: {one}" for one in half)
         if code != 2:
-            DOUBTS.append(f"disk full: ended with {code}: {said[-500:]}")
+            WRONG.append(f"disk full: ended with {code}: {said[-500:]}")
         told = next(
             (line for line in said.splitlines() if "not run" in line and "FAILED" not in line),
             said[-200:],
         )
         subprocess.run(("mount", "-o", f"remount,size={4 * size}", str(out)), check=True)
         code, said = end_of(begin(study, out))
-        DOUBTS.extend(
+        WRONG.extend(
             [] if code == 0 else [f"disk full, then room: ended with {code}: {said[-500:]}"]
         )
         return _row("disk full, then room", 1, reference, out, len(half), told)
@@ -272,7 +281,7 @@ def read_only(study: Path, reference: Path, out: Path) -> Row:
     try:
         code, said = end_of(begin(study, out))
         if code != 2 or list(out.iterdir()):
-            DOUBTS.append(f"read-only: ended with {code}: {said[-500:]}")
+            WRONG.append(f"read-only: ended with {code}: {said[-500:]}")
     finally:
         subprocess.run(("umount", str(out)), capture_output=True)
     return {"what happened": "folder read-only", "times": 1, "said": _one_line(said, out)}
@@ -314,7 +323,7 @@ def machine_cut_off(study: Path, reference: Path, out: Path) -> Row:
         noticed = time.monotonic() - cut_at
         code, said = end_of(process)
         if code or not reached:
-            DOUBTS.append(f"{what}: ended with {code}: {said[-500:]}")
+            WRONG.append(f"{what}: ended with {code}: {said[-500:]}")
         told = f"{losses(out)} jobs done again, {noticed:.0f} s after the cut"
         return _row(what, 1, reference, out, len(half_written(out)), told)
 
@@ -339,7 +348,7 @@ if __name__ == "__main__":
     for found in measure():
         sys.stdout.write(f"{found}\n")
         sys.stdout.flush()
-    sys.stderr.writelines(f"{doubt}\n" for doubt in DOUBTS)
+    sys.stderr.writelines(f"{doubt}\n" for doubt in WRONG)
 
 
 FRAMES = 24

@@ -460,30 +460,41 @@ def measure_measured() -> Iterator[Row]:
             "predicted": case.check,
         }
         for way, tables in one.tables.items():
-            for kind, word in (("F", "force"), ("N", "moment")):
-                unit = "N" if kind == "F" else "N m"
-                for label, errors in _methods(tables).items():
-                    if label == GENERIC and way == DEFAULTS:
-                        row[f"{word}, generic [{unit}]"] = _together(errors, kind)
-                    elif label.startswith("identified"):
-                        row[f"{word}, {way} [{unit}]"] = _together(errors, kind)
+            row |= _wrench_errors(way, tables)
         for way, tables in one.tables.items():
-            generic = {
-                part["link"]: float(part[f"{GENERIC} [kg]"]) for part in tables["masses.csv"]
-            }
-            large = LARGE * sum(generic.values())
-            found_masses = {part["link"]: _identified(part) for part in tables["masses.csv"]}
-            ratios = {
-                link: found_masses[link] / mass for link, mass in generic.items() if mass > large
-            }
-            for end, word in ((min, "smallest"), (max, "largest")):
-                link = end(ratios, key=lambda name: ratios[name])
-                row[f"{word} of generic, {way}"] = f"{ratios[link]:.2g} ({link})"
+            row |= _mass_ratios(way, tables)
         for way, notes in one.notes.items():
             row[f"says, {way}"] = next(
                 (note.removeprefix("identify: ").split(";")[0] for note in notes), "nothing"
             )
         yield row
+
+
+def _wrench_errors(way: str, tables: Mapping[str, list[dict[str, str]]]) -> Row:
+    """Return errors of force and moment of a way's masses, and once those of the generic ones."""
+    row: Row = {}
+    for kind, word, unit in (("F", "force", "N"), ("N", "moment", "N m")):
+        for label, errors in _methods(tables).items():
+            if label == GENERIC and way == DEFAULTS:
+                row[f"{word}, generic [{unit}]"] = _together(errors, kind)
+            elif label.startswith("identified"):
+                row[f"{word}, {way} [{unit}]"] = _together(errors, kind)
+    return row
+
+
+def _mass_ratios(way: str, tables: Mapping[str, list[dict[str, str]]]) -> Row:
+    """Return smallest and largest ratio of a large link's mass to the generic one."""
+    links = {part["link"]: part for part in tables["masses.csv"]}
+    generic = {link: float(part[f"{GENERIC} [kg]"]) for link, part in links.items()}
+    large = LARGE * sum(generic.values())
+    ratios = {
+        link: _identified(links[link]) / mass for link, mass in generic.items() if mass > large
+    }
+    row: Row = {}
+    for end, word in ((min, "smallest"), (max, "largest")):
+        link = end(ratios, key=lambda name: ratios[name])
+        row[f"{word} of generic, {way}"] = f"{ratios[link]:.2g} ({link})"
+    return row
 
 
 def _methods(tables: Mapping[str, list[dict[str, str]]]) -> dict[str, dict[str, dict[str, str]]]:

@@ -213,16 +213,13 @@ def identified(
     The identification, and (bodies, 10) parameters of every way by its name
     """
     model, trials = opened(folder, subject)
-    body = BodyOptions(spacing=SPACING)
-    points: dict[str, MassPoints] = {}
-    for weights in (None, "bone", "cog", "nearest"):
-        made, _, _ = body_points(model, BodyShape(), subject.mass, replace(body, weights=weights))
-        points |= {MAPS[name]: one for name, one in made.items()}
+    points = _points_of(model, subject)
+    own = points[MAPS[OWN]]
+    mass = subject.mass
     seen = [part(trials, name) for name in train]
-    found = mm.identify(model, seen, points, mass=subject.mass, options=IdentificationOptions())
+    found = mm.identify(model, seen, points, mass=mass, options=IdentificationOptions())
     never = IdentificationOptions(compare=False, soft_tissue="never")
-    first = MAPS[OWN]
-    markers = mm.identify(model, seen, {first: points[first]}, mass=subject.mass, options=never)
+    markers = mm.identify(model, seen, {MAPS[OWN]: own}, mass=mass, options=never)
     tissue = found.soft_tissue
     moved = [one.recording if tissue is None else one.recording.moved(tissue.of) for one in seen]
     A, b = parts_of(model, moved, found.base.base).rows(found.noise)
@@ -230,16 +227,25 @@ def identified(
         A,
         b,
         possible_reference(inertial_parameters(model)),
-        mass=subject.mass,
+        mass=mass,
         options=PseudoInertiaOptions(mass_sd=found.mass_sd),
     )
-    options = MassPointOptions(mass_sd=LOOSE)
-    loose = solve_mass_points(points[first], A, b, mass=subject.mass, options=options).parameters
+    loose = solve_mass_points(own, A, b, mass=mass, options=MassPointOptions(mass_sd=LOOSE))
     return found, {
         MARKERS: markers.parameters[markers.chosen],
         "ridge": ridge.parameters,
-        "loose": loose,
+        "loose": loose.parameters,
     } | dict(found.parameters)
+
+
+def _points_of(model: mm.Model, subject: Subject) -> dict[str, MassPoints]:
+    """Return mass points of a body by every weight map."""
+    body = BodyOptions(spacing=SPACING)
+    points: dict[str, MassPoints] = {}
+    for weights in (None, "bone", "cog", "nearest"):
+        made, _, _ = body_points(model, BodyShape(), subject.mass, replace(body, weights=weights))
+        points |= {MAPS[name]: one for name, one in made.items()}
+    return points
 
 
 def misfit(

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -69,6 +70,7 @@ LIMBS: Mapping[str, Mapping[str, tuple[str, ...]]] = {
     },
 }
 """Bodies whose masses are judged together."""
+USES: tuple[Use, ...] = ("never", "auto")
 
 Tissue = Callable[[mm.Model, mm.Motion, np.random.Generator], mm.Markers]
 Row = dict[str, object]
@@ -137,10 +139,9 @@ def measure(folder: Path) -> Iterator[Row]:
     model, trials = opened(folder, subject)
     points, _, _ = body_points(model, BodyShape(), model.mass, BodyOptions(spacing=SPACING))
     generic = inertial_parameters(model)
-    uses: tuple[Use, ...] = ("never", "auto")
+    heavy = generic[:, 0] > 0.0
     for tissue, moved in TISSUES.items():
         random = np.random.default_rng(7)
-        heavy = generic[:, 0] > 0.0
         runners = [
             _runner(model, trials, drawn_body(model, heavy, random), moved, random)
             for _ in range(SEEDS)
@@ -148,37 +149,82 @@ def measure(folder: Path) -> Iterator[Row]:
         yield _row(
             tissue, "true masses", [_ratio(model, runner, runner.truth, None) for runner in runners]
         )
-        for way, use in ((way, use) for way in ("identify", "refine") for use in uses):
-            ratios = []
-            errors = []
-            inside = []
-            taken = 0
-            for runner in runners:
-                parameters, expected, sd, found = (
-                    _identified(model, runner, points, use)
-                    if way == "identify"
-                    else _refined(model, runner, use)
-                )
-                ratios.append(_ratio(model, runner, parameters, found))
-                errors.append(
-                    [_errors(model, runner.truth, parameters, limbs) for limbs in LIMBS.values()]
-                )
-                off = np.abs(expected - runner.truth[:, 0]) / np.maximum(sd, 1e-12)
-                inside.append(off[heavy] < half_width(1.0))
-                taken += found is not None
-            name = way if use == "auto" else f"{way}, soft tissue never"
-            yield _row(tissue, name, ratios, errors, float(np.mean(inside)), taken)
-        errors = [
-            [_errors(model, runner.truth, generic, limbs) for limbs in LIMBS.values()]
-            for runner in runners
-        ]
+        for use in USES:
+            found = [_identified(model, runner, points, use) for runner in runners]
+            yield _row_of_way(tissue, "identify", use, _outcomes(model, runners, found))
+        for use in USES:
+            found = [_refined(model, runner, use) for runner in runners]
+            yield _row_of_way(tissue, "refine", use, _outcomes(model, runners, found))
+        errors = [_limb_errors(model, runner, generic) for runner in runners]
         yield _row(tissue, "generic", [np.ones(2)], errors)
 
 
-Found = tuple[Array, Array, Array, SoftTissue | None]
-"""(bodies, 10) parameters, (bodies,) expected masses and their standard deviations [kg], and soft
-tissue.
-"""
+class Found(NamedTuple):
+    """Masses of a runner.
+
+    Attributes
+    ----------
+    parameters : (bodies, 10)
+    expected : (bodies,) expected masses [kg]
+    sd : (bodies,) their standard deviations [kg]
+    tissue : soft tissue, None where it was not used
+    """
+
+    parameters: Array
+    expected: Array
+    sd: Array
+    tissue: SoftTissue | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Outcome:
+    """Masses of a runner compared with the truth.
+
+    Attributes
+    ----------
+    ratio : (2,) misfit of the held-out recording over the generic model's, moment and force
+    errors : of each limb, (segments,) error of its masses, of themselves
+    inside : (heavy,) whether the interval of a mass holds the truth
+    taken : soft tissue was used
+    """
+
+    ratio: Array
+    errors: Sequence[Array]
+    inside: Array
+    taken: bool
+
+
+def _outcomes(
+    model: mm.Model, runners: Sequence[_Runner], found: Sequence[Found]
+) -> list[_Outcome]:
+    heavy = inertial_parameters(model)[:, 0] > 0.0
+    outcomes = []
+    for runner, one in zip(runners, found, strict=True):
+        off = np.abs(one.expected - runner.truth[:, 0]) / np.maximum(one.sd, 1e-12)
+        outcomes.append(
+            _Outcome(
+                ratio=_ratio(model, runner, one.parameters, one.tissue),
+                errors=_limb_errors(model, runner, one.parameters),
+                inside=off[heavy] < half_width(1.0),
+                taken=one.tissue is not None,
+            )
+        )
+    return outcomes
+
+
+def _row_of_way(tissue: str, way: str, use: Use, outcomes: Sequence[_Outcome]) -> Row:
+    return _row(
+        tissue,
+        way if use == "auto" else f"{way}, soft tissue never",
+        [one.ratio for one in outcomes],
+        [one.errors for one in outcomes],
+        float(np.mean([one.inside for one in outcomes])),
+        sum(one.taken for one in outcomes),
+    )
+
+
+def _limb_errors(model: mm.Model, runner: _Runner, parameters: Array) -> list[Array]:
+    return [_errors(model, runner.truth, parameters, limbs) for limbs in LIMBS.values()]
 
 
 def _identified(
@@ -194,14 +240,24 @@ def _identified(
         recording=RecordingOptions(CUTOFF),
     )
     masses = found.parameters[found.chosen]
-    return masses, found.expected[:, 0], found.sd[:, 0], found.soft_tissue
+    return Found(
+        parameters=masses,
+        expected=found.expected[:, 0],
+        sd=found.sd[:, 0],
+        tissue=found.soft_tissue,
+    )
 
 
 def _refined(model: mm.Model, runner: _Runner, use: Use) -> Found:
     """Lengths and marker positions are the model's, which are true."""
     options = mm.RefineOptions(cutoff=CUTOFF, fit=("masses",), soft_tissue=use)
     found = mm.refine(model, [runner.recorded[TRAIN]], model.mass, options)
-    return found.parameters, found.parameters[:, 0], found.mass_sd, found.soft_tissue
+    return Found(
+        parameters=found.parameters,
+        expected=found.parameters[:, 0],
+        sd=found.mass_sd,
+        tissue=found.soft_tissue,
+    )
 
 
 def _row(

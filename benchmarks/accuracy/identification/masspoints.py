@@ -11,12 +11,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import piqp
 from scipy.optimize import nnls
 
 import myomorph as mm
+from benchmarks.errors import rms
 from benchmarks.speed.masspoints import LINKS, MASS, Program, made_body, measured
 from myomorph.body.identify.mass_points import MassPointFit, MassPointOptions, solve_mass_points
 from myomorph.body.shape.envelope import envelope_points
@@ -101,8 +103,26 @@ def _by_piqp(body: MassPoints, program: Program) -> Array:
     return masses
 
 
+GRIDS = (2_000, 16_000, 128_000)
 PAPER = 1e3
 """W_rho that makes both priors about equally strong at the coarsest grid."""
+PRIORS = {
+    "relative": MassPointOptions(),
+    "paper": MassPointOptions(prior="paper", W_rho=PAPER),
+}
+
+
+class _GridFit(NamedTuple):
+    """Masses that one grid finds.
+
+    Attributes
+    ----------
+    change : (links,) masses less the reference [kg]
+    bound : share of the points on the bound
+    """
+
+    change: Array
+    bound: float
 
 
 def measure_grid() -> Iterator[Row]:
@@ -110,47 +130,40 @@ def measure_grid() -> Iterator[Row]:
 
     The measurement is weak, so that the prior matters.
     """
-    sizes = (2_000, 16_000, 128_000)
-    finest = made_body(sizes[-1], bone_weights)
+    finest = made_body(GRIDS[-1], bone_weights)
     A_part, b_part = measured(finest)
     A = 0.01 * A_part[:40]
     b = 0.01 * b_part[:40]
+    # The same change is asked of every grid.
     wished = b - A @ finest.parameters(finest.reference).ravel()
-    found: dict[tuple[int, str], Array] = {}
+    found: dict[int, dict[str, _GridFit]] = {}
     spacing = {}
-    bound = {}
-    for points in sizes:
+    for points in GRIDS:
         body = made_body(points, bone_weights)
         spacing[points] = body.spacing
-        for prior in ("relative", "paper"):
-            # The same change is asked of every grid.
-            options = (
-                MassPointOptions(prior=prior, W_rho=PAPER)
-                if prior == "paper"
-                else MassPointOptions()
-            )
-            fit: MassPointFit = solve_mass_points(
-                body,
-                A,
-                A @ body.parameters(body.reference).ravel() + wished,
-                mass=MASS,
-                options=options,
-            )
-            found[points, prior] = (fit.parameters - body.parameters(body.reference))[:, 0]
-            bound[points, prior] = fit.on_bound / len(body.points)
-    for points in sizes:
+        found[points] = {
+            prior: _grid_fit(body, A, wished, options) for prior, options in PRIORS.items()
+        }
+    last = found[GRIDS[-1]]
+    for points in GRIDS:
         row: Row = {"points": points, "grid [mm]": 1e3 * spacing[points], "links": LINKS}
-        for prior in ("relative", "paper"):
-            change = found[points, prior]
-            last = found[sizes[-1], prior]
-            row[f"RMS change of a link's mass, {prior} prior [kg]"] = float(
-                np.sqrt(np.mean(change**2))
+        for prior, fit in found[points].items():
+            row[f"RMS change of a link's mass, {prior} prior [kg]"] = rms(fit.change)
+            row[f"its difference from the finest, {prior} prior [kg]"] = rms(
+                fit.change - last[prior].change
             )
-            row[f"its difference from the finest, {prior} prior [kg]"] = float(
-                np.sqrt(np.mean((change - last) ** 2))
-            )
-            row[f"points on the bound, {prior} prior"] = f"{100.0 * bound[points, prior]:.0f} %"
+            row[f"points on the bound, {prior} prior"] = f"{100.0 * fit.bound:.0f} %"
         yield row
+
+
+def _grid_fit(body: MassPoints, A: Array, wished: Array, options: MassPointOptions) -> _GridFit:
+    reference = body.parameters(body.reference)
+    fit: MassPointFit = solve_mass_points(
+        body, A, A @ reference.ravel() + wished, mass=MASS, options=options
+    )
+    return _GridFit(
+        change=(fit.parameters - reference)[:, 0], bound=fit.on_bound / len(body.points)
+    )
 
 
 PUBLISHED = {

@@ -134,35 +134,43 @@ def measure_simulated(seeds: tuple[int, ...] = (1, 2, 3), seconds: float = 8.0) 
     """
     for seed in seeds:
         person, given, found = simulated(seed, seconds)
-        links = [f"{name}_{side}" for name in ("femur", "tibia") for side in "rl"]
-        truth = np.array([person.body(name).mass for name in links])
-        before = np.array([given.body(name).mass for name in links])
-        after = np.array([found.model.body(name).mass for name in links])
-        sd = np.array([found.mass_sd[found.model.body_names.index(name)] for name in links])
-        lengths = {one.name: one.extent for one in lengths_of(person)}
-        named = [one for one in lengths_of(given) if one.along and one.segment in links]
-        true = np.array([lengths[one.name] for one in named])
-        start = np.array([one.extent for one in named])
-        factors = np.array([found.factors[found.lengths.index(one.name)] for one in named])
-        factors_sd = np.array([found.factors_sd[found.lengths.index(one.name)] for one in named])
-        off = start * factors - true
         yield {
             "person": seed,
             "markers [mm]": f"{1e3 * found.before.markers:.1f} -> {1e3 * found.after.markers:.1f}",
             "force [N]": f"{found.before.force:.1f} -> {found.after.force:.1f}",
             "moment [N m]": f"{found.before.moment:.1f} -> {found.after.moment:.1f}",
-            "lengths, largest error [mm]": (
-                f"{1e3 * np.abs(start - true).max():.1f} -> {1e3 * np.abs(off).max():.1f}"
-            ),
-            "masses, largest error [%]": (
-                f"{_percent(before, truth):.1f} -> {_percent(after, truth):.1f}"
-            ),
-            "lengths inside": (
-                f"{int((np.abs(off) <= NINETY * start * factors_sd).sum())} of {len(off)}"
-            ),
-            "masses inside": f"{int((np.abs(after - truth) <= NINETY * sd).sum())} of {len(sd)}",
+            **_legs(person, given, found),
             "refined": _parts(found),
         }
+
+
+def _legs(person: mm.Model, given: mm.Model, found: Refinement) -> Row:
+    """Return errors of lengths and masses of the legs, and how many intervals hold the truth."""
+    links = [f"{name}_{side}" for name in ("femur", "tibia") for side in "rl"]
+    truth = np.array([person.body(name).mass for name in links])
+    before = np.array([given.body(name).mass for name in links])
+    after = np.array([found.model.body(name).mass for name in links])
+    sd = np.array([found.mass_sd[found.model.body_names.index(name)] for name in links])
+    masses_inside = int((np.abs(after - truth) <= NINETY * sd).sum())
+
+    lengths = {one.name: one.extent for one in lengths_of(person)}
+    named = [one for one in lengths_of(given) if one.along and one.segment in links]
+    true = np.array([lengths[one.name] for one in named])
+    start = np.array([one.extent for one in named])
+    at = [found.lengths.index(one.name) for one in named]
+    off = start * np.asarray(found.factors)[at] - true
+    length_sd = np.asarray(found.factors_sd)[at]
+    inside = int((np.abs(off) <= NINETY * start * length_sd).sum())
+    return {
+        "lengths, largest error [mm]": (
+            f"{1e3 * np.abs(start - true).max():.1f} -> {1e3 * np.abs(off).max():.1f}"
+        ),
+        "masses, largest error [%]": (
+            f"{_percent(before, truth):.1f} -> {_percent(after, truth):.1f}"
+        ),
+        "lengths inside": f"{inside} of {len(off)}",
+        "masses inside": f"{masses_inside} of {len(sd)}",
+    }
 
 
 def _percent(masses: Array, truth: Array) -> float:

@@ -113,21 +113,7 @@ def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
     lower = mm.read_model(data / LOWER)
     higher = mm.read_model(path)
     found = mm.transfer(lower, higher)
-    whole = mm.read_motion(data / MOTION, lower)
-    motion = mm.Motion(whole.time[::STEP], whole.names, whole.values[::STEP])
-    followed, rms = same_movement(lower, motion, found)
-    inside = slice(10, -10)
-    tree = compile_tree(lower)
-    pelvis = forward_kinematics(tree, tree.coordinates_of(motion)).origins[:, 1]
-    needed = wrench(lower, mm.differentiate(motion, CUTOFF), pelvis)
-    turn = np.kron(np.eye(2), found.rotation)
-    turned = pelvis @ found.rotation.T
-    given = {
-        "transferred": wrench(found.model, mm.differentiate(followed, CUTOFF), turned),
-        "generic": wrench(_masses_of(higher, found), mm.differentiate(followed, CUTOFF), turned),
-    }
-    weight = lower.mass * float(np.linalg.norm(lower.gravity))
-    row: dict[str, object] = {
+    return {
         "model": name,
         "joint centers": len(found.joint_errors),
         "joint centers apart [mm]": 1000.0 * max(found.joint_errors.values()),
@@ -137,13 +123,26 @@ def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
         "region mass centers apart [mm]": 1000.0 * max(one.center_error for one in found.masses),
         "regions without inertia": sum(bool(one.note) for one in found.masses),
         "least eigenvalue ratio": _least_ratio(higher, found.model),
-        "walk: marker RMS [mm]": 1000.0 * float(np.mean(rms)),
-    }
-    for kind, values in given.items():
+    } | _walk(data, lower, higher, found)
+
+
+def _walk(data: Path, lower: mm.Model, higher: mm.Model, found: Transfer) -> dict[str, object]:
+    """Compare the wrench that a walk needs with that of the lower model."""
+    whole = mm.read_motion(data / MOTION, lower)
+    motion = mm.Motion(whole.time[::STEP], whole.names, whole.values[::STEP])
+    followed, marker_rms = same_movement(lower, motion, found)
+    tree = compile_tree(lower)
+    pelvis = forward_kinematics(tree, tree.coordinates_of(motion)).origins[:, 1]
+    needed = wrench(lower, mm.differentiate(motion, CUTOFF), pelvis)
+    turn = np.kron(np.eye(2), found.rotation)
+    weight = lower.mass * float(np.linalg.norm(lower.gravity))
+    inside = slice(10, -10)
+    row: dict[str, object] = {"walk: marker RMS [mm]": 1000.0 * float(np.mean(marker_rms))}
+    for kind, model in (("transferred", found.model), ("generic", _masses_of(higher, found))):
+        values = wrench(model, mm.differentiate(followed, CUTOFF), pelvis @ found.rotation.T)
         apart = values[inside] - needed[inside] @ turn.T
-        row[f"walk: force RMS, {kind} [% of weight]"] = (
-            100.0 * rms_of_vectors(apart[:, 3:]) / weight
-        )
+        force = 100.0 * rms_of_vectors(apart[:, 3:]) / weight
+        row[f"walk: force RMS, {kind} [% of weight]"] = force
         row[f"walk: moment RMS, {kind} [N m]"] = rms_of_vectors(apart[:, :3])
     return row
 

@@ -8,7 +8,7 @@ with the truth.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -179,7 +179,6 @@ def distances_from_limits(
     by table, distances of the truth from the middle of the limits in half widths, so that limits
     hold what is at most 1
     """
-    path = folder / HOME / "models" / "manually_scaled.osim"
     model, moved, wrenches = _recorded(folder, motion, MOTIONS[motion])
     draw = Draw(person, errors, Normals(PEOPLE * len(MOTIONS), seed))
     body = drawn_subject(model, draw)
@@ -192,36 +191,43 @@ def distances_from_limits(
         write_external_loads(
             drawn_wrenches(wrenches, model.up, draw), here / "loads.sto", here / "loads.xml"
         )
-        study = {
-            "options": 'tension]\nreactions = "child"',
-            "steps": '"id", "tension"',
-            "model": str(path),
-        }
         text = STUDY_FILE.format(
-            draws=DRAWS, trial='markers = "markers.trc", loads = "loads.xml"', **study
+            draws=DRAWS,
+            trial='markers = "markers.trc", loads = "loads.xml"',
+            options='tension]\nreactions = "child"',
+            steps='"id", "tension"',
+            model=str(folder / HOME / "models" / "manually_scaled.osim"),
         )
         (here / "study.toml").write_text(text, encoding="utf-8")
         command("run", here / "study.toml", "--out", here / "out")
         found = read_result(next((here / "out").rglob("motion.nc")))
-    strengths = {one.name: one.max_isometric_force for one in model.muscles}
+    frames = np.searchsorted(found.time, moved.time - 1e-6)
     apart = {}
     for table, (names, values) in truth.items():
-        columns = found.names[DRAWN[table].dims[1]]
-        low = found.values[f"{table}_low"]
-        high = found.values[f"{table}_high"]
-        at = [columns.index(name) for name in names]
-        frames = np.searchsorted(found.time, moved.time - 1e-6)
-        low = low[frames][:, at]
-        high = high[frames][:, at]
-        counted = (high - low) > 1e-9
+        low, high = _bounds(found, table, names, frames)
         if table == "muscle_force":
-            counted = np.maximum(values, high) > NEGLIGIBLE * np.array(
-                [strengths[name] for name in names]
-            )
-        middle = 0.5 * (low + high)
-        half = np.maximum(0.5 * (high - low), 1e-12)
-        apart[table] = (np.abs(values - middle) / half)[counted]
+            strengths = np.array([model.muscle(name).max_isometric_force for name in names])
+            counted = np.maximum(values, high) > NEGLIGIBLE * strengths
+        else:
+            counted = (high - low) > 1e-9
+        apart[table] = _half_widths(values, low, high)[counted]
     return apart
+
+
+def _half_widths(values: Array, low: Array, high: Array) -> Array:
+    """Return how far values are from the middle of their interval, in half widths."""
+    return np.abs(values - 0.5 * (low + high)) / np.maximum(0.5 * (high - low), 1e-12)
+
+
+def _bounds(
+    found: Stored, table: str, names: Sequence[str], frames: np.ndarray
+) -> tuple[Array, Array]:
+    """Return lower and upper bounds (frames, names) of columns of a result."""
+    columns = found.names[DRAWN[table].dims[1]]
+    at = [columns.index(name) for name in names]
+    low = found.values[f"{table}_low"][frames][:, at]
+    high = found.values[f"{table}_high"][frames][:, at]
+    return low, high
 
 
 def _recorded(

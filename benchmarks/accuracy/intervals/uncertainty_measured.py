@@ -161,7 +161,7 @@ def _of_plates(folder: Path, case: HiddenCase) -> Mapping[str, Held]:
     time = hidden.motion.time
     parts: dict[str, list[Held]] = {axis: [] for axis in AXES}
     for side, force, _ in feet_of(hidden):
-        columns = [f"foot_{side[0]}_f{'xyz'[axis]}" for axis in AXES.values()]
+        columns = [_force_column(f"foot_{side[0]}", axis) for axis in AXES.values()]
         low, found, high = [
             np.column_stack([np.interp(time[frames], one.time, one[name]) for name in columns])
             for one in tables
@@ -177,6 +177,12 @@ def _of_plates(folder: Path, case: HiddenCase) -> Mapping[str, Held]:
                 )
             )
     return {axis: joined(held) for axis, held in parts.items()}
+
+
+def _force_column(group: str, axis: int) -> str:
+    """Name the column of a force in a table of contact groups."""
+    letter = "xyz"[axis]
+    return f"{group}_f{letter}"
 
 
 def joined(parts: Sequence[Held]) -> Held:
@@ -390,49 +396,50 @@ def measure_box(folder: Path) -> Iterator[Row]:
     """
     for lift in LIFTS:
         truth = hands_measured(folder, lift)
-        model, motion = man(folder, lift)
+        time = man(folder, lift)[1].time
         held = holding(folder, lift)[1].max(axis=1) > 0.0
-        with tempfile.TemporaryDirectory() as work:
-            here = Path(work)
-            mm.write_osim(model, here / "model.osim")
-            mm.write_sto(
-                table_from_motion(tracked(folder, lift).motion, model), here / "motion.mot"
-            )
-            loads = plate_on_feet(recorded(folder, lift), motion.time)
-            write_external_loads(loads, here / "plate.sto", here / "plate.xml")
-            hands = body_sites(model, HANDS)
-            spans = _spans(motion.time, held)
-            (here / "contacts.toml").write_text(
-                LIFT_FILE
-                + "".join(_site(one, "feet", '"motion"') for one in foot_sites(model))
-                + "".join(_site(one, "hands", str(spans)) for one in hands),
-                encoding="utf-8",
-            )
-            (here / "sizes.toml").write_text(
-                "contributions = 0\nwidened = false\n", encoding="utf-8"
-            )
-            files = (
-                "--model",
-                here / "model.osim",
-                "--motion",
-                here / "motion.mot",
-                "--loads",
-                here / "plate.xml",
-            )
-            files += ("--contacts", here / "contacts.toml", "--cutoff", 6, "--intervals", 0)
-            drawn = ("--draws", DRAWS, "--uncertainty", here / "sizes.toml")
-            command("tension", *files, *drawn, "--out", here / "out")
-            tables = limits(here / "out" / "contact_groups.sto")
+        low, found, high = _lift_limits(folder, lift, _spans(time, held))
         frames = np.flatnonzero(held)
+        clock = time[frames]
         row: Row = {"lift": lift, "frames": len(frames)}
         for axis, at in (("up", 1), ("forward", 0)):
+            column = _force_column("hands", at)
             # The sites are on the hands; the box is pushed the other way.
-            low, found, high = tables
-            low = -np.interp(motion.time[frames], low.time, low[f"hands_f{'xyz'[at]}"])
-            found = -np.interp(motion.time[frames], found.time, found[f"hands_f{'xyz'[at]}"])
-            high = -np.interp(motion.time[frames], high.time, high[f"hands_f{'xyz'[at]}"])
-            row |= Held(truth=truth[frames, at], low=high, found=found, high=low).row(axis, "N")
+            pushed = Held(
+                truth=truth[frames, at],
+                low=-np.interp(clock, high.time, high[column]),
+                found=-np.interp(clock, found.time, found[column]),
+                high=-np.interp(clock, low.time, low[column]),
+            )
+            row |= pushed.row(axis, "N")
         yield row
+
+
+def _lift_limits(
+    folder: Path, lift: str, spans: list[list[float]]
+) -> tuple[mm.Table, mm.Table, mm.Table]:
+    """Return intervals of contact forces in a lift by `tension`, the hands holding in some spans.
+
+    The tables are of lower bounds, values and upper bounds.
+    """
+    model, motion = man(folder, lift)
+    with tempfile.TemporaryDirectory() as work:
+        here = Path(work)
+        mm.write_osim(model, here / "model.osim")
+        mm.write_sto(table_from_motion(tracked(folder, lift).motion, model), here / "motion.mot")
+        loads = plate_on_feet(recorded(folder, lift), motion.time)
+        write_external_loads(loads, here / "plate.sto", here / "plate.xml")
+        feet = "".join(_site(one, "feet", '"motion"') for one in foot_sites(model))
+        hands = "".join(_site(one, "hands", str(spans)) for one in body_sites(model, HANDS))
+        (here / "contacts.toml").write_text(LIFT_FILE + feet + hands, encoding="utf-8")
+        sizes = "contributions = 0\nwidened = false\n"
+        (here / "sizes.toml").write_text(sizes, encoding="utf-8")
+        files = ("--model", here / "model.osim", "--motion", here / "motion.mot")
+        contacts = ("--loads", here / "plate.xml", "--contacts", here / "contacts.toml")
+        settings = ("--cutoff", 6, "--intervals", 0)
+        draws = ("--draws", DRAWS, "--uncertainty", here / "sizes.toml")
+        command("tension", *files, *contacts, *settings, *draws, "--out", here / "out")
+        return limits(here / "out" / "contact_groups.sto")
 
 
 def _site(site: Site, group: str, intervals: str) -> str:

@@ -6,7 +6,7 @@ Both are tested on other motion.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -214,6 +214,23 @@ def scaled_by_opensim(one: Standing, scratch: Path) -> mm.Model:
     )
     mm.write_trc(kept, scratch / "static.trc")
     write_marker_set(one.generic, scratch / "set.xml")
+    weights = one.weights or {marker.name: float(marker.fixed) for marker in one.generic.markers}
+    setup = SETUP.format(
+        model=one.file,
+        measurements=_measurements(one, names),
+        tasks="".join(TASK.format(name, weights.get(name, 0.0)) for name in names),
+        first=kept.time[0],
+        last=kept.time[-1],
+    )
+    (scratch / "setup.xml").write_text(setup, encoding="utf-8")
+    tool = opensim.ScaleTool(str(scratch / "setup.xml"))
+    if not tool.run():
+        raise RuntimeError(f"{one.name}: ScaleTool failed")
+    return mm.read_model(scratch / "placed.osim")
+
+
+def _measurements(one: Standing, names: Sequence[str]) -> str:
+    """Return the setup's measurements by the pairs of markers that the recording has."""
     bodies = set(one.generic.body_names)
     measurements = []
     for title, pairs, of, axes in MEASURED:
@@ -223,15 +240,7 @@ def scaled_by_opensim(one: Standing, scratch: Path) -> mm.Model:
             text = "".join(PAIR.format(*pair) for pair in found)
             scales = "".join(BODY.format(body, axes) for body in of if body in bodies)
             measurements.append(MEASUREMENT.format(name=title, pairs=text, bodies=scales))
-    weights = one.weights or {marker.name: float(marker.fixed) for marker in one.generic.markers}
-    tasks = "".join(TASK.format(name, weights.get(name, 0.0)) for name in names)
-    span = {"first": kept.time[0], "last": kept.time[-1]}
-    setup = SETUP.format(model=one.file, measurements="".join(measurements), tasks=tasks, **span)
-    (scratch / "setup.xml").write_text(setup, encoding="utf-8")
-    tool = opensim.ScaleTool(str(scratch / "setup.xml"))
-    if not tool.run():
-        raise RuntimeError(f"{one.name}: ScaleTool failed")
-    return mm.read_model(scratch / "placed.osim")
+    return "".join(measurements)
 
 
 def subjects(folder: Path) -> Iterator[Standing]:

@@ -59,6 +59,7 @@ SECONDS = 30.0
 SLIP = np.radians(20.0)
 Z_90 = 1.6449
 """Of a normal distribution: so many standard deviations either way hold 90 %."""
+LOWER_LEG = ("tibia", "talus", "calcn", "toes")
 
 
 def outside(name: str) -> Path | None:
@@ -289,35 +290,40 @@ def measure_fusion(folder: Path) -> Iterator[Row]:
     model, motion = _walk(folder)
     truth = cut(motion, motion.time[0], motion.time[0] + SECONDS)
     plain = marker_positions(model, truth)
-    bodies = {marker.name: marker.body for marker in model.markers}
-    lower = np.array(
-        [bodies[name].startswith(("tibia", "talus", "calcn", "toes")) for name in plain.names]
-    )
+    lower = _on_lower_legs(model, plain.names)
     start = int(np.searchsorted(truth.time, truth.time[0] + 14.0))
     gap = slice(start, int(np.searchsorted(truth.time, truth.time[start] + 2.0)))
     rows: dict[str, list[Row]] = {}
     for seed in SEEDS:
         made = simulated_sensors(model, truth, BODIES, SensorErrors(axes=0.0), seed)
         rng = np.random.default_rng(seed)
-        values = plain.values + 0.003 * rng.normal(size=plain.values.shape)
-        whole = replace(plain, values=values)
-        hidden = np.array(values)
-        hidden[gap, lower] = np.nan
-        shown = replace(plain, values=hidden)
-        marked = inverse_kinematics(model, shown)
+        whole = replace(plain, values=plain.values + 0.003 * rng.normal(size=plain.values.shape))
         recording = SensorRecording(made.sensors, same_clock=True)
-        tracked = TrackedMarkers(markers=shown, fit=marked)
-        fused = sensor_kinematics(model, recording, tracked).fit
-        for name, fit in (
-            ("no marker hidden", inverse_kinematics(model, whole)),
-            ("markers alone", marked),
-            ("markers and sensors", fused),
-        ):
+        hidden = np.array(whole.values)
+        hidden[gap, lower] = np.nan
+        fits = _with_gap(model, recording, replace(plain, values=hidden))
+        fits = {"no marker hidden": inverse_kinematics(model, whole), **fits}
+        for name, fit in fits.items():
             rows.setdefault(name, []).append(joint_errors(fit, truth, gap))
     for name, each in rows.items():
         yield {"recorded": name} | {
             key: float(np.sqrt(np.mean([float(row[key]) ** 2 for row in each]))) for key in each[0]
         }
+
+
+def _on_lower_legs(model: mm.Model, names: Sequence[str]) -> np.ndarray:
+    """Return whether each marker (markers,) is on a shank or a foot of the model."""
+    bodies = {marker.name: marker.body for marker in model.markers}
+    return np.array([bodies.get(name, "").startswith(LOWER_LEG) for name in names])
+
+
+def _with_gap(
+    model: mm.Model, recording: SensorRecording, shown: mm.Markers
+) -> dict[str, KinematicsFit]:
+    """Fit markers of which some are hidden, without and with sensors."""
+    alone = inverse_kinematics(model, shown)
+    fused = sensor_kinematics(model, recording, TrackedMarkers(markers=shown, fit=alone))
+    return {"markers alone": alone, "markers and sensors": fused.fit}
 
 
 def measure_intervals(folder: Path) -> Iterator[Row]:
@@ -398,28 +404,26 @@ def measure_hidden() -> Iterator[Row]:
         model = mm.read_model(Path(name) / "out" / "calibrated.osim")
         markers = get_markers(read_result(next((Path(name) / "out").rglob("Walking_01.nc"))))
     assert markers is not None
-    truth = inverse_kinematics(model, markers)
-    knees = [one for one in model.coordinate_names if one in ("knee_angle_r", "knee_angle_l")]
-    below = np.array(
-        [
-            name in model.marker_names
-            and model.marker(name).body.startswith(("tibia", "talus", "calcn", "toes"))
-            for name in markers.names
-        ]
-    )
+    truth = inverse_kinematics(model, markers).motion
+    below = _on_lower_legs(model, markers.names)
+    recording = SensorRecording(read_inertial(files[1]), bodies, same_clock=True)
     for start in np.arange(markers.time[0] + 0.5, markers.time[-1] - 1.5, 0.5):
         gap = (markers.time >= start) & (markers.time < start + 1.0)
         values = np.array(markers.values)
         values[np.ix_(gap, below)] = np.nan
-        shown = replace(markers, values=values)
-        alone = inverse_kinematics(model, shown)
-        recording = SensorRecording(read_inertial(files[1]), bodies, same_clock=True)
-        fused = sensor_kinematics(model, recording, TrackedMarkers(markers=shown, fit=alone))
+        fits = _with_gap(model, recording, replace(markers, values=values))
         row: Row = {"hidden from [s]": float(start)}
-        for title, fit in (("markers alone", alone), ("markers and sensors", fused.fit)):
-            away = np.array([(fit.motion[knee] - truth.motion[knee])[gap] for knee in knees])
-            row[f"knee, {title} [deg]"] = float(np.degrees(np.sqrt(np.mean(away**2))))
+        for title, fit in fits.items():
+            row[f"knee, {title} [deg]"] = _knee_error(fit.motion, truth, gap)
+        sensor_error = fits["markers and sensors"].sensor_error
         row["sensors to bodies [deg]"] = float(
-            np.degrees(np.sqrt(np.nanmean(fused.fit.sensor_error[~gap] ** 2)))
+            np.degrees(np.sqrt(np.nanmean(sensor_error[~gap] ** 2)))
         )
         yield row
+
+
+def _knee_error(motion: mm.Motion, truth: mm.Motion, gap: np.ndarray) -> float:
+    """Return the root mean square error of both knees in some frames [deg]."""
+    knees = [name for name in truth.names if name in ("knee_angle_r", "knee_angle_l")]
+    away = np.array([(motion[knee] - truth[knee])[gap] for knee in knees])
+    return float(np.degrees(np.sqrt(np.mean(away**2))))

@@ -72,24 +72,14 @@ def _inverse_kinematics(folder: Path, case: MarkerCase) -> dict[str, object]:
     model = mm.read_model(folder / case.model)
     markers = read_markers(folder / case.markers)
     markers = cut(markers, markers.time[0], markers.time[min(case.most_frames, len(markers)) - 1])
-    given = (
-        read_ik_tasks(folder / case.tasks).marker_weights
-        if case.tasks
-        else dict.fromkeys(model.marker_names, 1.0)
-    )
-    shared = {
-        name: weight
-        for name, weight in given.items()
-        if name in markers.names and name in model.marker_names
-    }
+    shared = _shared_weights(folder, case, model, markers)
     options = mm.InverseKinematicsOptions(marker_weights=shared, only_weighted=True)
     mm.inverse_kinematics(model, markers, options)
     began = time.perf_counter()
     fit = mm.inverse_kinematics(model, markers, options)
     ours = time.perf_counter() - began
-    span = (markers.time[0], markers.time[-1])
     theirs = opensim_tools.inverse_kinematics(
-        folder / case.model, folder / case.markers, shared, span
+        folder / case.model, folder / case.markers, shared, (markers.time[0], markers.time[-1])
     )
     table = motion_from_opensim(model, theirs)
     common = markers_at(markers, table.time)
@@ -109,6 +99,21 @@ def _inverse_kinematics(folder: Path, case: MarkerCase) -> dict[str, object]:
         "converged": float(fit.converged.mean()),
         "ours [ms/frame]": 1e3 * ours / len(markers),
         "OpenSim [ms/frame]": 1e3 * theirs.seconds / len(theirs.time),
+    }
+
+
+def _shared_weights(
+    folder: Path, case: MarkerCase, model: mm.Model, markers: mm.Markers
+) -> dict[str, float]:
+    """Return the weights of markers that the model and the recording have, 1 without a file."""
+    if case.tasks:
+        weights = read_ik_tasks(folder / case.tasks).marker_weights
+    else:
+        weights = dict.fromkeys(model.marker_names, 1.0)
+    return {
+        name: weight
+        for name, weight in weights.items()
+        if name in markers.names and name in model.marker_names
     }
 
 
@@ -195,6 +200,20 @@ def _inverse_dynamics(folder: Path, case: ForceCase) -> dict[str, object]:
         theirs = opensim_tools.inverse_dynamics(
             folder / case.model, motion_path, loads, float(ours.time[0]), float(ours.time[-1])
         )
+    worst, worst_name = _worst_coordinate(ours, theirs)
+    return {
+        "case": case.name,
+        "frames": len(theirs.time),
+        "coordinates": len(model.coordinates),
+        "worst RMS / range [%]": 100.0 * worst,
+        "worst coordinate": worst_name,
+        "ours [ms/frame]": 1e3 * seconds / len(ours),
+        "OpenSim [ms/frame]": 1e3 * theirs.seconds / len(theirs.time),
+    }
+
+
+def _worst_coordinate(ours: mm.Series, theirs: opensim_tools.ToolResult) -> tuple[float, str]:
+    """Return the largest RMS difference relative to OpenSim's range, and whose it is."""
     index = np.abs(ours.time[:, None] - theirs.time[None]).argmin(axis=0)
     worst = 0.0
     worst_name = ""
@@ -206,15 +225,7 @@ def _inverse_dynamics(folder: Path, case: ForceCase) -> dict[str, object]:
         if relative > worst:
             worst = relative
             worst_name = name
-    return {
-        "case": case.name,
-        "frames": len(theirs.time),
-        "coordinates": len(model.coordinates),
-        "worst RMS / range [%]": 100.0 * worst,
-        "worst coordinate": worst_name,
-        "ours [ms/frame]": 1e3 * seconds / len(ours),
-        "OpenSim [ms/frame]": 1e3 * theirs.seconds / len(theirs.time),
-    }
+    return worst, worst_name
 
 
 MJCF = (

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from benchmarks.errors import rms_known
 from myomorph.core.model.arrays import Array
 from myomorph.core.motion.online import OnlineKinematics, SteadyKinematics
 from myomorph.core.motion.sync import cut
+from myomorph.core.tension.tension import Tension
 from myomorph.lab.study.inputs.external_forces import force_table
 from myomorph.live.chain import SOLVED, ChainFrame, ChainOptions, LiveChain
 from myomorph.live.loop import follow
@@ -62,53 +64,87 @@ def recordings(folder: Path) -> Iterator[tuple[str, mm.Model, mm.Markers, mm.Wre
         yield speed, model, cut(markers, start, end), wrenches
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ahead:
+    """A recording by zero-lag filters.
+
+    Attributes
+    ----------
+    name : of the recording
+    cutoff : of the filters [Hz]
+    motion : with derivatives
+    torques : by inverse dynamics
+    tension : of the muscles
+    turning : coordinates that are rotations and not locked
+    joints : those of them that are not the pelvis's
+    """
+
+    name: str
+    cutoff: float
+    motion: mm.Motion
+    torques: mm.Series
+    tension: Tension
+    turning: Sequence[int]
+    joints: Sequence[int]
+
+
 def measure(folder: Path) -> Iterator[Row]:
     """Angles, torques and activations by live cutoffs, compared with zero-lag filters."""
     for name, model, markers, wrenches in recordings(folder):
-        poses = mm.inverse_kinematics(model, markers).motion
-        ahead = AHEAD if name == "walk" else 2.0 * AHEAD
-        motion = mm.differentiate(poses, ahead)
-        torques = mm.inverse_dynamics(
-            model, motion, mm.resample_wrenches(wrenches, motion.time, ahead)
-        )
-        tension = mm.solve_tension(model, motion, torques)
-        turning = [
-            j
-            for j, one in enumerate(model.coordinates)
-            if one.motion == "rotational" and not one.locked
-        ]
-        pelvis = {j for j, one in enumerate(model.coordinates) if one.name.startswith("pelvis")}
-        joints = [j for j in turning if j not in pelvis]
+        ahead = _ahead(name, model, markers, wrenches)
         for cutoff in CUTOFFS:
             source = Replay(markers, wrenches, 0.0)
             kept = _Kept()
             chain = LiveChain(model, source, ChainOptions(cutoff=cutoff))
             follow(chain, source, [kept])
             solved = [one for one in kept.frames if one.state == SOLVED]
-            then = np.array([one.time for one in solved]) - chain.filter.delay
-            angle = (
-                np.array([one.coordinates for one in solved])[:, turning]
-                - _at(motion, motion.values, then)[:, turning]
-            )
-            torque = (
-                np.array([one.torques for one in solved])[:, joints]
-                - _at(motion, torques.values, then)[:, joints]
-            )
-            activation = np.array([one.tension.activations for one in solved]) - _at(
-                motion, tension.activation, then
-            )
-            yield {
-                "recording": name,
-                "live cutoff [Hz]": cutoff,
-                "delay [ms]": 1e3 * chain.filter.delay,
-                "ahead cutoff [Hz]": ahead,
-                "angles: rms [deg]": np.rad2deg(rms_known(angle)),
-                "largest [deg]": np.rad2deg(np.abs(angle).max()),
-                "joint torques: rms [N m]": rms_known(torque),
-                "largest [N m]": float(np.abs(torque).max()),
-                "peak torque [N m]": float(np.abs(torques.values[:, joints]).max()),
-                "activations: rms": rms_known(activation),
-            }
+            yield _compared(ahead, cutoff, chain.filter.delay, solved)
+
+
+def _ahead(name: str, model: mm.Model, markers: mm.Markers, wrenches: mm.Wrenches) -> _Ahead:
+    cutoff = AHEAD if name == "walk" else 2.0 * AHEAD
+    motion = mm.differentiate(mm.inverse_kinematics(model, markers).motion, cutoff)
+    torques = mm.inverse_dynamics(
+        model, motion, mm.resample_wrenches(wrenches, motion.time, cutoff)
+    )
+    turning = [
+        j
+        for j, one in enumerate(model.coordinates)
+        if one.motion == "rotational" and not one.locked
+    ]
+    return _Ahead(
+        name=name,
+        cutoff=cutoff,
+        motion=motion,
+        torques=torques,
+        tension=mm.solve_tension(model, motion, torques),
+        turning=turning,
+        joints=[j for j in turning if not model.coordinates[j].name.startswith("pelvis")],
+    )
+
+
+def _compared(ahead: _Ahead, cutoff: float, delay: float, solved: Sequence[ChainFrame]) -> Row:
+    """Compare live frames with the zero-lag filters at the times that they are of."""
+    then = np.array([one.time for one in solved]) - delay
+    motion = ahead.motion
+    angles = np.array([one.coordinates for one in solved])[:, ahead.turning]
+    angle = angles - _at(motion, motion.values, then)[:, ahead.turning]
+    torques = np.array([one.torques for one in solved])[:, ahead.joints]
+    torque = torques - _at(motion, ahead.torques.values, then)[:, ahead.joints]
+    activations = np.array([one.tension.activations for one in solved])
+    activation = activations - _at(motion, ahead.tension.activation, then)
+    return {
+        "recording": ahead.name,
+        "live cutoff [Hz]": cutoff,
+        "delay [ms]": 1e3 * delay,
+        "ahead cutoff [Hz]": ahead.cutoff,
+        "angles: rms [deg]": np.rad2deg(rms_known(angle)),
+        "largest [deg]": np.rad2deg(np.abs(angle).max()),
+        "joint torques: rms [N m]": rms_known(torque),
+        "largest [N m]": float(np.abs(torque).max()),
+        "peak torque [N m]": float(np.abs(ahead.torques.values[:, ahead.joints]).max()),
+        "activations: rms": rms_known(activation),
+    }
 
 
 def _at(motion: mm.Motion, values: Array, time: Array) -> Array:

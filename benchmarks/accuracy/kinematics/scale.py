@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -291,27 +291,14 @@ def minimum_of_opensim(
         tool = opensim.ScaleTool(setup.name)
         placer = tool.getMarkerPlacer()
         model = opensim.Model(scaled.name)
-        start = placer.getTimeRange().get(0)
-        end = placer.getTimeRange().get(1)
-        table = opensim.TimeSeriesTableVec3(placer.getMarkerFileName())
-        times = table.getIndependentColumn()
-        labels = table.getColumnLabels()
-        row = table.averageRow(max(start, times[0]), min(end, times[-1]))
-        size = {"mm": 0.001, "m": 1.0}[table.getTableMetaDataString("Units")]
-        seen = {name: row[i].to_numpy() * size for i, name in enumerate(labels)}
-        tasks = [placer.getIKTaskSet().get(i) for i in range(placer.getIKTaskSet().getSize())]
+        seen = _mean_markers(placer)
+        used = _task_weights(placer)
     state = model.initSystem()
     markers = {one.getName(): one for one in model.getMarkerSet() if one.getName() in seen}
-    used = {
-        one.getName(): one.getWeight() for one in tasks if one.getApply() and one.getWeight() > 0.0
-    }
-    total = sum(weight for name, weight in used.items() if name in markers)
-    shares = {name: np.sqrt(weight / total) for name, weight in used.items() if name in markers}
-    coordinates = [
-        one
-        for one in model.getCoordinateSet()
-        if not one.getLocked(state) and not one.isDependent(state)
-    ]
+    weights = {name: weight for name, weight in used.items() if name in markers}
+    total = sum(weights.values())
+    shares = {name: np.sqrt(weight / total) for name, weight in weights.items()}
+    coordinates = _free_coordinates(model, state)
     aims = [
         (i, np.sqrt(used[one.getName()]), one.getDefaultValue())
         for i, one in enumerate(coordinates)
@@ -326,33 +313,74 @@ def minimum_of_opensim(
         parts = [share * (places[name] - seen[name]) for name, share in shares.items()]
         return np.concatenate([*parts, [weight * (q[i] - rest) for i, weight, rest in aims]])
 
-    clamped = [one.getClamped(state) for one in coordinates]
-    low = [
-        one.getRangeMin() if held else -np.inf
-        for one, held in zip(coordinates, clamped, strict=True)
+    first = np.array([start_pose[one.getName()] for one in coordinates])
+    residuals(_minimum(residuals, first, _bounds(coordinates, state)))
+    return {name: _in_body(model, state, marker, seen[name]) for name, marker in markers.items()}
+
+
+def _free_coordinates(model: opensim.Model, state: opensim.State) -> list[opensim.Coordinate]:
+    """Return the coordinates that are neither locked nor dependent."""
+    return [
+        one
+        for one in model.getCoordinateSet()
+        if not one.getLocked(state) and not one.isDependent(state)
     ]
-    high = [
-        one.getRangeMax() if held else np.inf
-        for one, held in zip(coordinates, clamped, strict=True)
-    ]
-    first = np.clip(
-        [start_pose[one.getName()] for one in coordinates],
-        np.array(low) + 1e-9,
-        np.array(high) - 1e-9,
-    )
-    found = least_squares(
-        residuals, first, "3-point", (low, high), ftol=1e-15, xtol=1e-13, gtol=1e-13, max_nfev=400
-    )
-    residuals(found.x)
-    ground = model.getGround()
+
+
+def _mean_markers(placer: opensim.MarkerPlacer) -> dict[str, np.ndarray]:
+    """Return the mean position (3,) of each marker in the placer's time range [m]."""
+    start = placer.getTimeRange().get(0)
+    end = placer.getTimeRange().get(1)
+    table = opensim.TimeSeriesTableVec3(placer.getMarkerFileName())
+    times = table.getIndependentColumn()
+    row = table.averageRow(max(start, times[0]), min(end, times[-1]))
+    size = {"mm": 0.001, "m": 1.0}[table.getTableMetaDataString("Units")]
+    return {name: row[i].to_numpy() * size for i, name in enumerate(table.getColumnLabels())}
+
+
+def _task_weights(placer: opensim.MarkerPlacer) -> dict[str, float]:
+    """Return the weights of the tasks that are applied, by marker or coordinate."""
+    tasks = [placer.getIKTaskSet().get(i) for i in range(placer.getIKTaskSet().getSize())]
     return {
-        name: (
-            ground.findStationLocationInAnotherFrame(
-                state, opensim.Vec3(*seen[name]), marker.getParentFrame().findBaseFrame()
-            ).to_numpy()
-        )
-        for name, marker in markers.items()
+        one.getName(): one.getWeight() for one in tasks if one.getApply() and one.getWeight() > 0.0
     }
+
+
+def _bounds(
+    coordinates: list[opensim.Coordinate], state: opensim.State
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return lower and upper bounds of coordinates, infinite where they are not clamped."""
+    clamped = np.array([one.getClamped(state) for one in coordinates])
+    low = np.where(clamped, [one.getRangeMin() for one in coordinates], -np.inf)
+    high = np.where(clamped, [one.getRangeMax() for one in coordinates], np.inf)
+    return low, high
+
+
+def _minimum(
+    residuals: Callable[[np.ndarray], np.ndarray],
+    start: np.ndarray,
+    bounds: tuple[np.ndarray, np.ndarray],
+) -> np.ndarray:
+    low, high = bounds
+    return least_squares(
+        residuals,
+        np.clip(start, low + 1e-9, high - 1e-9),
+        "3-point",
+        (low, high),
+        ftol=1e-15,
+        xtol=1e-13,
+        gtol=1e-13,
+        max_nfev=400,
+    ).x
+
+
+def _in_body(
+    model: opensim.Model, state: opensim.State, marker: opensim.Marker, place: np.ndarray
+) -> np.ndarray:
+    """Return where a position (3,) in ground is in the body of a marker [m]."""
+    station = opensim.Vec3(*place)
+    body = marker.getParentFrame().findBaseFrame()
+    return model.getGround().findStationLocationInAnotherFrame(state, station, body).to_numpy()
 
 
 def pose_of(path: Path) -> dict[str, float]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -183,56 +183,90 @@ def ours(setup: Path) -> str:
     return ""
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Runs:
+    """What both programs made of a setup.
+
+    Attributes
+    ----------
+    ours, theirs : folders
+    files, their_files : new files, relative to their folder
+    refused, failed : what was printed where a program did not run, "" where it did
+    """
+
+    ours: Path
+    theirs: Path
+    files: Sequence[str]
+    their_files: Sequence[str]
+    refused: str
+    failed: str
+
+
 def measure_setups(data: Path) -> Iterator[dict[str, object]]:
-    """One row a setup file: what both programs write, and how far apart it is."""
+    """Yield a row for each setup file: what both programs write, and how it differs."""
     for name, root in setups(data):
         needs = NEEDS.get(name, Needs())
-        tool = OURS.get(root, root)
         with tempfile.TemporaryDirectory() as work:
-            rooms = [Path(work) / who for who in ("ours", "theirs")]
-            mine_room, other_room = rooms
-            mine = copied(data, name, needs, mine_room)
-            other = copied(data, name, needs, other_room)
-            for made in needs.made:
-                kind = dict(setups(data))[(Path(name).parent / made).as_posix()]
-                for path in (mine, other):
-                    run_in_opensim(path.parent / made, kind)
-            files, refused = new_files(rooms[0], partial(ours, mine))
-            theirs, failed = new_files(rooms[1], partial(run_in_opensim, other, tool))
-            row: dict[str, object] = {"setup": name, "tool": root}
-            pairs = [
-                (rooms[0] / one, rooms[1] / one, one)
-                for one in files
-                if one in theirs and is_table(one)
-            ]
+            runs = _run_both(data, name, OURS.get(root, root), needs, Path(work))
+            pairs = _pairs(runs)
             against = "OpenSim 4.6"
-            if not pairs and needs.expected and not refused:
-                given = {target: data / path for target, path in needs.expected}
-                named = [(one, Path(one).name) for one in files]
-                pairs = [
-                    (rooms[0] / one, given[target], one) for one, target in named if target in given
-                ]
+            if not pairs and needs.expected and not runs.refused:
+                pairs = _expected_pairs(data, runs, needs)
                 against = "table of the collection"
-            row |= {"files": len(files), "against": against if pairs or theirs else ""}
+            written = bool(pairs or runs.their_files)
+            row: dict[str, object] = {"setup": name, "tool": root}
+            row |= {"files": len(runs.files), "against": against if written else ""}
             row |= dict.fromkeys(COLUMNS, "") | (compared(pairs) if pairs else {})
-            missing = [
-                one for one in theirs if one not in files and not one.endswith("_controls.xml")
-            ]
-            row["notes"] = "; ".join(
-                one
-                for one in (
-                    f"refused: {refused}" if refused else "",
-                    "models: see ScaleTool" if any(one.endswith(".osim") for one in files) else "",
-                    f"OpenSim: {failed[:110]}" if failed else "",
-                    (
-                        f"only OpenSim writes {', '.join(Path(one).name for one in missing)}"
-                        if missing and files
-                        else ""
-                    ),
-                )
-                if one
-            )
+            row["notes"] = "; ".join(_notes(runs))
         yield row
+
+
+def _run_both(data: Path, name: str, tool: str, needs: Needs, work: Path) -> _Runs:
+    mine = copied(data, name, needs, work / "ours")
+    other = copied(data, name, needs, work / "theirs")
+    for made in needs.made:
+        kind = dict(setups(data))[(Path(name).parent / made).as_posix()]
+        for path in (mine, other):
+            run_in_opensim(path.parent / made, kind)
+    files, refused = new_files(work / "ours", partial(ours, mine))
+    their_files, failed = new_files(work / "theirs", partial(run_in_opensim, other, tool))
+    return _Runs(
+        ours=work / "ours",
+        theirs=work / "theirs",
+        files=files,
+        their_files=their_files,
+        refused=refused,
+        failed=failed,
+    )
+
+
+def _pairs(runs: _Runs) -> list[tuple[Path, Path, str]]:
+    """Return the tables that both programs wrote, with their name."""
+    return [
+        (runs.ours / one, runs.theirs / one, one)
+        for one in runs.files
+        if one in runs.their_files and is_table(one)
+    ]
+
+
+def _expected_pairs(data: Path, runs: _Runs, needs: Needs) -> list[tuple[Path, Path, str]]:
+    """Return our tables with those of the collection, and their name."""
+    given = {target: data / path for target, path in needs.expected}
+    named = [(one, Path(one).name) for one in runs.files]
+    return [(runs.ours / one, given[target], one) for one, target in named if target in given]
+
+
+def _notes(runs: _Runs) -> Iterator[str]:
+    if runs.refused:
+        yield f"refused: {runs.refused}"
+    if any(one.endswith(".osim") for one in runs.files):
+        yield "models: see ScaleTool"
+    if runs.failed:
+        yield f"OpenSim: {runs.failed[:110]}"
+    missing = [one for one in runs.their_files if one not in runs.files]
+    names = [Path(one).name for one in missing if not one.endswith("_controls.xml")]
+    if names and runs.files:
+        yield f"only OpenSim writes {', '.join(names)}"
 
 
 def is_table(name: str) -> bool:

@@ -12,7 +12,7 @@ import contextlib
 import io
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -264,36 +264,38 @@ def measure(folder: Path) -> Iterator[Row]:
         with tempfile.TemporaryDirectory() as name:
             out = Path(name) / "out"
             started = time.monotonic()
-            said = io.StringIO()
-            with contextlib.redirect_stdout(said), contextlib.redirect_stderr(io.StringIO()):
+            printed = io.StringIO()
+            with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(io.StringIO()):
                 status = main([*_paths(typed, folder), "--out", str(out), "--workers", "1"])
             seconds = time.monotonic() - started
             results = mm.load(out) if status == 0 else {}
-            found = next(
-                (one for key, one in results.items() if Path(key).name == case.trial), None
-            )
-            agreement = (
-                {}
-                if found is None or case.reference is None
-                else _agreement(found, case, folder, mass)
-            )
             yield {
                 "recording": case.name,
                 "typed": " ".join(Path(one).name if "/" in one else one for one in typed),
-                "protocol": _protocol(said.getvalue()),
+                "protocol": _protocol(printed.getvalue()),
                 "trials": len(results),
-                "markers, RMS [mm]": float("nan")
-                if found is None or found.fit is None
-                else 1e3 * rms_known(found.fit.marker_error),
-                **{f"{NAMES[joint]}, r": agreement.get(joint, ("", ""))[0] for joint in JOINTS},
-                **{
-                    f"{NAMES[joint]}, RMS [N m/kg]": agreement.get(joint, ("", ""))[1]
-                    for joint in JOINTS
-                },
+                **_trial_columns(results, case, folder, mass),
                 "reference": case.source,
-                "assumptions": said.getvalue().count("\n  "),
+                "assumptions": printed.getvalue().count("\n  "),
                 "time [s]": seconds,
             }
+
+
+def _trial_columns(
+    results: Mapping[str, mm.TrialResult], case: Case, folder: Path, mass: float
+) -> Row:
+    """Return the columns of the case's trial: errors of markers, and moments next to the set's."""
+    found = next((one for key, one in results.items() if Path(key).name == case.trial), None)
+    agreement = {}
+    if found is not None and case.reference is not None:
+        agreement = _agreement(found, case, folder, mass)
+    error = float("nan")
+    if found is not None and found.fit is not None:
+        error = 1e3 * rms_known(found.fit.marker_error)
+    row: Row = {"markers, RMS [mm]": error}
+    row |= {f"{NAMES[joint]}, r": agreement.get(joint, ("", ""))[0] for joint in JOINTS}
+    row |= {f"{NAMES[joint]}, RMS [N m/kg]": agreement.get(joint, ("", ""))[1] for joint in JOINTS}
+    return row
 
 
 UNKNOWN = ("OpenSim's C3D walk", "functional trial, knee")
@@ -364,12 +366,7 @@ def _agreement(
     clock = reference.time if case.begins is None else reference.time + torques.time[case.begins]
     pairs: dict[str, list[tuple[Array, Array]]] = {joint: [] for joint in JOINTS}
     for side in "rl":
-        columns = [k for k, body in enumerate(wrenches.bodies) if body.endswith(f"_{side}")]
-        vertical = (
-            wrenches.forces[:, columns, 1].sum(axis=1) if columns else np.zeros(len(wrenches))
-        )
-        load_at = np.interp(clock, wrenches.time, vertical, left=0.0, right=0.0)
-        stance = load_at > STANCE * 9.81 * mass
+        stance = _vertical_at(wrenches, side, clock) > STANCE * 9.81 * mass
         for joint in JOINTS:
             name = f"{joint}_{side}"
             if name not in reference.names or name not in torques.names:
@@ -379,11 +376,20 @@ def _agreement(
             used = stance & np.isfinite(ours) & np.isfinite(theirs)
             if used.sum() > 10:
                 pairs[joint].append((ours[used], theirs[used]))
-    return {
-        joint: (
-            float(np.corrcoef(*(np.concatenate(part) for part in zip(*own, strict=True)))[0, 1]),
-            rms_known(np.concatenate([one - other for one, other in own])) / mass,
-        )
-        for joint, own in pairs.items()
-        if own
-    }
+    return {joint: _likeness(own, mass) for joint, own in pairs.items() if own}
+
+
+def _vertical_at(wrenches: mm.Wrenches, side: str, clock: Array) -> Array:
+    """Return the vertical force (samples,) on the bodies of a side at times, 0 outside [N]."""
+    columns = [k for k, body in enumerate(wrenches.bodies) if body.endswith(f"_{side}")]
+    vertical = np.zeros(len(wrenches))
+    if columns:
+        vertical = wrenches.forces[:, columns, 1].sum(axis=1)
+    return np.interp(clock, wrenches.time, vertical, left=0.0, right=0.0)
+
+
+def _likeness(pairs: Sequence[tuple[Array, Array]], mass: float) -> tuple[float, float]:
+    """Return correlation and root mean square difference [N m/kg] of both sides together."""
+    ours = np.concatenate([one for one, _ in pairs])
+    theirs = np.concatenate([other for _, other in pairs])
+    return float(np.corrcoef(ours, theirs)[0, 1]), rms_known(ours - theirs) / mass

@@ -93,6 +93,34 @@ def _row(recording: Recording, folder: Path) -> Row:
         "known": len(recognized.sites),
         "label set": recognized.protocol.title if recognized.protocol else "",
     }
+    typed = _typed(recording, folder)
+    started = time.monotonic()
+    with tempfile.TemporaryDirectory() as name:
+        out = Path(name) / "out"
+        status, printed = _run([*typed, "--out", str(out)])
+        guessed = status != 0 and "--mass" in printed.splitlines()[-1]
+        if guessed:
+            status, printed = _run([*typed, "--mass", f"{GUESSED:g}", "--out", str(out)])
+        row |= {
+            "time [s]": time.monotonic() - started,
+            "ends with": {0: "report", 2: "one line"}.get(status, f"exit {status}"),
+        }
+        row |= _result(out) if status == 0 else {"implausible": ""}
+        printed = printed.replace(str(folder), "").replace(name, "")
+    if guessed:
+        row["mass"] = "guessed"
+    elif recording.mass:
+        row["mass"] = "of the set"
+    else:
+        row["mass"] = "of the plates"
+    findings = printed.partition("study file, ")[2].splitlines()
+    row["warnings"] = sum(line.startswith("  ") for line in findings)
+    row["says"] = _said(printed, status)
+    return row
+
+
+def _typed(recording: Recording, folder: Path) -> list[str]:
+    """Return the command for a recording, without `--out`."""
     typed = ["analyze", str(folder / recording.file), "--workers", "1"]
     if recording.static:
         typed += ["--static", str(folder / recording.static)]
@@ -100,33 +128,14 @@ def _row(recording: Recording, folder: Path) -> Row:
         typed += ["--time", *(f"{second:g}" for second in recording.span)]
     if recording.mass is not None:
         typed += ["--mass", f"{recording.mass:g}"]
-    started = time.monotonic()
-    with tempfile.TemporaryDirectory() as name:
-        out = Path(name) / "out"
-        status, said = _run([*typed, "--out", str(out)])
-        guessed = status != 0 and "--mass" in said.splitlines()[-1]
-        if guessed:
-            status, said = _run([*typed, "--mass", f"{GUESSED:g}", "--out", str(out)])
-        row |= {
-            "time [s]": time.monotonic() - started,
-            "ends with": {0: "report", 2: "one line"}.get(status, f"exit {status}"),
-        }
-        row |= _result(out) if status == 0 else {"implausible": ""}
-        said = said.replace(str(folder), "").replace(name, "")
-    lines = [line.strip() for line in said.splitlines()]
-    findings = [
-        line for line in said.partition("study file, ")[2].splitlines() if line.startswith("  ")
-    ]
-    if guessed:
-        row["mass"] = "guessed"
-    elif recording.mass:
-        row["mass"] = "of the set"
-    else:
-        row["mass"] = "of the plates"
-    row["warnings"] = len(findings)
+    return typed
+
+
+def _said(printed: str, status: int) -> str:
+    """Return the last line of a command that failed, else what it found of labels and mass."""
+    lines = [line.strip() for line in printed.splitlines()]
     parts = [line for line in lines if "marker protocol" in line or "Nobody moves" in line]
-    row["says"] = " ".join(lines[-1:] if status else parts).removeprefix("error: ")[:300]
-    return row
+    return " ".join(lines[-1:] if status else parts).removeprefix("error: ")[:300]
 
 
 def _run(typed: list[str]) -> tuple[int, str]:

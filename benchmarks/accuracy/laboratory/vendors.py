@@ -11,8 +11,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import myomorph as mm
 
@@ -29,6 +30,7 @@ WINDOW = 0.4
 """Part of a recording, about its middle, that is analyzed [s]."""
 LIMIT = 300.0
 """Longest time of a command [s]."""
+FAILURE = re.compile("error:|FAILED:|Traceback")
 OPTION = re.compile(r"--[a-z][a-z-]*|: give |; give |expected ")
 """What a line has that names what to do: an option, or the file that is needed."""
 
@@ -43,24 +45,49 @@ def measure(folder: Path) -> Iterator[Row]:
             yield _row(path, folder)
 
 
+class _Ended(NamedTuple):
+    """How a command ended.
+
+    Attributes
+    ----------
+    status : None where it hung
+    lines : that it printed
+    reports : number of reports that it wrote
+    """
+
+    status: int | None
+    lines: Sequence[str]
+    reports: int
+
+
 def _row(path: Path, folder: Path) -> Row:
+    started = time.monotonic()
+    ended = _analyzed(path)
+    seconds = time.monotonic() - started
+    failed = [line.strip() for line in ended.lines if FAILURE.search(line)]
+    line = (failed or ended.lines[-1:] or [""])[0]
+    line = line.removeprefix("error: ").replace(f"{path}: ", "")
+    fine = ended.status == 0 and ended.reports > 0
+    one_line = ended.status == 2 and len(failed) == 1
+    ending = "one line" if one_line else f"exit {ended.status}"
+    helps = "yes" if OPTION.search(line) else "no"
+    return {
+        "file": str(path.relative_to(folder)),
+        "ends with": "report" if fine else ending,
+        "line": "" if fine else line.replace("|", "/")[:160],
+        "names what helps": "" if fine else helps,
+        "time [s]": seconds,
+    }
+
+
+def _analyzed(path: Path) -> _Ended:
+    """Run `myomorph analyze` on the middle of a file, in a process of its own."""
+    words = ["analyze", str(path), "--mass", "70", "--workers", "1", *_window(path)]
     with tempfile.TemporaryDirectory() as name:
         out = Path(name) / "out"
-        command = [
-            sys.executable,
-            "-m",
-            "myomorph",
-            "analyze",
-            str(path),
-            "--mass",
-            "70",
-            "--workers",
-            "1",
-        ]
-        started = time.monotonic()
         try:
             ended = subprocess.run(
-                [*command, *_window(path), "--out", str(out)],
+                [sys.executable, "-m", "myomorph", *words, "--out", str(out)],
                 capture_output=True,
                 text=True,
                 timeout=LIMIT,
@@ -70,24 +97,7 @@ def _row(path: Path, folder: Path) -> Row:
         except subprocess.TimeoutExpired:
             status = None
             lines = [f"still running after {LIMIT:.0f} s"]
-        seconds = time.monotonic() - started
-        reports = len(list(out.rglob("report.html")))
-        failed = [
-            line.strip()
-            for line in lines
-            if "error:" in line or "FAILED:" in line or "Traceback" in line
-        ]
-        said = (failed or lines[-1:] or [""])[0].removeprefix("error: ").replace(f"{path}: ", "")
-        fine = status == 0 and reports > 0
-        ending = "one line" if status == 2 and len(failed) == 1 else f"exit {status}"
-        helps = "yes" if OPTION.search(said) else "no"
-        return {
-            "file": str(path.relative_to(folder)),
-            "ends with": "report" if fine else ending,
-            "line": "" if fine else said.replace("|", "/")[:160],
-            "names what helps": "" if fine else helps,
-            "time [s]": seconds,
-        }
+        return _Ended(status=status, lines=lines, reports=len(list(out.rglob("report.html"))))
 
 
 def _window(path: Path) -> list[str]:

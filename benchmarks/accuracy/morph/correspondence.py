@@ -184,28 +184,37 @@ def measure(what: str, seeds: range = SEEDS, bones: tuple[str, ...] = BONES) -> 
     every: list[tuple[np.ndarray, ...]] = []
     beside: list[tuple[np.ndarray, ...]] = []
     for body in bones:
-        surface, points, on = bone(body)
+        _, _, on = bone(body)
         found = []
         flesh = []
         began = time.process_time()
         for seed in seeds:
-            change = Deformation(surface, seed, 0.0 if what == "affine" else BEND)
-            marks = None
-            if what == "landmarks":
-                ends = three_landmarks(surface)
-                marks = FeaturePoints(("a", "b", "c"), ends, change(ends))
-            places, within = carried(body, surface, deformed(surface, change), points, marks)
-            truth = change(points)
-            whole = procrustes(surface.vertices, change(surface.vertices), True)
-            scaled = np.linalg.norm(whole.apply(points) - truth, axis=1)
-            rows = np.linalg.norm(places - truth, axis=1), within, scaled
-            found.append(tuple(one[on] for one in rows))
-            flesh.append(tuple(one[~on] for one in rows))
+            values = _target_errors(body, what, seed)
+            found.append(tuple(one[on] for one in values))
+            flesh.append(tuple(one[~on] for one in values))
         every += found
         beside += flesh
         spent = {"processor, a bone [s]": (time.process_time() - began) / len(found)}
         yield {"bone": body} | errors(found) | in_flesh(flesh) | spent
     yield {"bone": "all"} | errors(every) | in_flesh(beside) | {"processor, a bone [s]": ""}
+
+
+def _target_errors(body: str, what: str, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Carry a bone's points into one deformed copy.
+
+    The results are (n,) errors, intervals, and errors of a whole-bone similarity [m].
+    """
+    surface, points, _ = bone(body)
+    change = Deformation(surface, seed, 0.0 if what == "affine" else BEND)
+    marks = None
+    if what == "landmarks":
+        ends = three_landmarks(surface)
+        marks = FeaturePoints(("a", "b", "c"), ends, change(ends))
+    places, within = carried(body, surface, deformed(surface, change), points, marks)
+    truth = change(points)
+    whole = procrustes(surface.vertices, change(surface.vertices), True)
+    scaled = np.linalg.norm(whole.apply(points) - truth, axis=1)
+    return np.linalg.norm(places - truth, axis=1), within, scaled
 
 
 def errors(found: list[tuple[np.ndarray, ...]]) -> Row:

@@ -122,44 +122,41 @@ def attachments() -> dict[str, Attachments]:
     a person much, and every person has the same positions.
     """
     model = mm.read_model(data_folder() / "rajagopal-walk-emg" / "subject_walk_scaled.osim")
+    return {bone: _attachments(model, bone) for bone in leg_shapes()}
+
+
+def _attachments(model: mm.Model, bone: str) -> Attachments:
+    shapes = leg_shapes()[bone]
     folder = data_folder() / "bones-opensim-rajagopal" / "Geometry"
-    found = {}
-    paths = [muscle.path for muscle in model.muscles if muscle.name.endswith("_l")]
-    for bone, shapes in leg_shapes().items():
-        body = next(one for one in model.bodies if one.name == BODIES[bone])
-        surface = _joined([mm.read_mesh(folder / mesh.file) for mesh in body.meshes])
-        mean = mean_shape(shapes.nodes)
-        fit = register_surface(
-            surface,
-            mm.Surface(mean, shapes.faces),
-            None,
-            SurfaceOptions(mirror=False, partial=False),
-        )
-        places = [
-            point.location / body.meshes[0].scale
-            for path in paths
-            for point in path.points
-            if isinstance(point, PathPoint) and point.body == body.name
-        ]
-        laid = fit.similarity.apply(np.array(places))
-        squared, face, nearest = igl.point_mesh_squared_distance(laid, mean, shapes.faces)
-        near = squared < ON_BONE**2
-        corners = shapes.faces[face[near]]
-        triangle = (np.ascontiguousarray(mean[corners[:, k]]) for k in range(3))
-        shares = igl.barycentric_coordinates(nearest[near], *triangle)
-        normals = _normals(mean, shapes.faces)
-        here = np.einsum("kc,kcx->kx", shares, normals[corners])
-        around = (np.linalg.norm(nearest[near][:, None] - mean, axis=2) < HEIGHT) & (
-            here @ normals.T > 0
-        )
-        around[np.arange(len(corners))[:, None], corners] = True
-        found[bone] = Attachments(
-            corners=corners,
-            shares=shares,
-            around=around.astype(float),
-            axes=fit.similarity.rotation,
-        )
-    return found
+    body = next(one for one in model.bodies if one.name == BODIES[bone])
+    surface = _joined([mm.read_mesh(folder / mesh.file) for mesh in body.meshes])
+    mean = mm.Surface(mean_shape(shapes.nodes), shapes.faces)
+    options = SurfaceOptions(mirror=False, partial=False)
+    similarity = register_surface(surface, mean, None, options).similarity
+    places = [
+        point.location / body.meshes[0].scale
+        for muscle in model.muscles
+        if muscle.name.endswith("_l")
+        for point in muscle.path.points
+        if isinstance(point, PathPoint) and point.body == body.name
+    ]
+    return _on_mean(mean, similarity.apply(np.array(places)), similarity.rotation)
+
+
+def _on_mean(mean: mm.Surface, laid: Array, axes: Array) -> Attachments:
+    """Return points (k, 3) [m] at their nearest positions on the mean, without those far off."""
+    nodes = mean.vertices
+    squared, face, nearest_of_all = igl.point_mesh_squared_distance(laid, nodes, mean.faces)
+    near = squared < ON_BONE**2
+    nearest = nearest_of_all[near]
+    corners = mean.faces[face[near]]
+    triangle = (np.ascontiguousarray(nodes[corners[:, k]]) for k in range(3))
+    shares = igl.barycentric_coordinates(nearest, *triangle)
+    normals = _normals(nodes, mean.faces)
+    here = np.einsum("kc,kcx->kx", shares, normals[corners])
+    around = (np.linalg.norm(nearest[:, None] - nodes, axis=2) < HEIGHT) & (here @ normals.T > 0)
+    around[np.arange(len(corners))[:, None], corners] = True
+    return Attachments(corners=corners, shares=shares, around=around.astype(float), axes=axes)
 
 
 @cache

@@ -65,39 +65,47 @@ class Compared:
     arms: Mapping[str, np.ndarray]
 
 
+def _nodes(model: mm.Model, ground: Ground) -> np.ndarray:
+    """Return the points (muscles, points, 3) of all paths in a posture [m], NaN behind the last."""
+    paths = compile_paths(model)
+    values = np.array([[ground.posture[one] for one in ground.posture]])
+    posture = mm.Motion(np.zeros(1), tuple(ground.posture), values)
+    nodes: np.ndarray = paths.nodes(paths.tree.coordinates_of(posture))[0, :, :, :3]
+    return nodes
+
+
+def _arms_about(model: mm.Model, ground: Ground, name: str) -> np.ndarray:
+    """Return moment arms (steps, muscles) about a coordinate over its range [m]."""
+    low, high = model.coordinate(name).range
+    others = tuple(one for one in ground.posture if one != name)
+    values = np.tile([ground.posture.get(one, 0.0) for one in (*others, name)], (STEPS, 1))
+    values[:, -1] = np.linspace(low, high, STEPS)
+    motion = mm.Motion(np.arange(STEPS, dtype=np.float64), (*others, name), values)
+    found = mm.muscle_kinematics(model, motion, velocities=False)
+    column = model.coordinate_names.index(name)
+    arms: np.ndarray = found.moment_arm[:, :, column]
+    return arms
+
+
 class Muscles:
     """Ends, paths and moment arms of a model's muscles in one posture."""
 
     def __init__(self, model: mm.Model, ground: Ground):
         self.model = model
-        names = tuple(ground.posture)
-        at = mm.Motion(np.zeros(1), names, np.array([[ground.posture[one] for one in names]]))
-        paths = compile_paths(model)
-        nodes = paths.nodes(paths.tree.coordinates_of(at))[0, :, :, :3]
+        self._bodies: list[list[str]] = []
+        self._nodes: list[np.ndarray] = []
         # Files begin a muscle at either end; here the one on the body nearer to the root comes
         # first.
         rank = {name: i for i, name in enumerate(model.body_names)}
-        self._bodies = [[one.path.points[i].body for i in (0, -1)] for one in model.muscles]
-        turned = [rank[last] < rank[first] for first, last in self._bodies]
-        self._bodies = [
-            one[::-1] if back else one for one, back in zip(self._bodies, turned, strict=True)
-        ]
-        known = [one[np.isfinite(one[:, 0])] for one in nodes]
-        self._nodes = [one[::-1] if back else one for one, back in zip(known, turned, strict=True)]
-        self.arms: dict[str, np.ndarray] = {}
-        for word, name in ground.coordinates.items():
-            low, high = model.coordinate(name).range
-            values = np.tile([ground.posture.get(one, 0.0) for one in (*names, name)], (STEPS, 1))
-            values[:, -1] = np.linspace(low, high, STEPS)
-            kept = [i for i, one in enumerate((*names, name)) if i == len(names) or one != name]
-            motion = mm.Motion(
-                np.arange(STEPS, dtype=np.float64),
-                tuple((*names, name)[i] for i in kept),
-                values[:, kept],
-            )
-            found = mm.muscle_kinematics(model, motion, velocities=False)
-            column = model.coordinate_names.index(name)
-            self.arms[word] = found.moment_arm[:, :, column]
+        for muscle, nodes in zip(model.muscles, _nodes(model, ground), strict=True):
+            ends = [muscle.path.points[i].body for i in (0, -1)]
+            turned = rank[ends[-1]] < rank[ends[0]]
+            known = nodes[np.isfinite(nodes[:, 0])]
+            self._bodies.append(ends[::-1] if turned else ends)
+            self._nodes.append(known[::-1] if turned else known)
+        self.arms = {
+            word: _arms_about(model, ground, name) for word, name in ground.coordinates.items()
+        }
 
     def ends(self, names: tuple[str, ...], which: int) -> np.ndarray:
         """Return an end of a muscle, the middle of several parts.

@@ -69,25 +69,32 @@ def measure() -> Iterator[Row]:
         }
         yield {"fault": "all bones in inches", "person": person} | _refusal(ours, inches)
         for bone in BONES:
-            case, source, target = whole[bone]
-            here = attachments()[bone].on(case.template)
-            truth = attachments()[bone].on(case.person)
-            center = truth[len(truth) // 2]
-            near = np.linalg.norm(truth - center, axis=1) < HOLE
-            hole = part_of(target, np.linalg.norm(target.vertices - center, axis=1) > HOLE)
-            yield {"fault": f"{bone} with a hole of 30 mm", "person": person} | _held(
-                source, hole, here, truth, near
-            )
-            axis = np.linalg.svd(
-                target.vertices - target.vertices.mean(axis=0), full_matrices=False
-            )[2][0]
-            height = target.vertices @ (axis * np.sign(axis[np.argmax(np.abs(axis))]))
-            border = height.max() - LEFT * np.ptp(height)
-            lost = truth @ (axis * np.sign(axis[np.argmax(np.abs(axis))])) < border
-            cut = part_of(target, height > border)
-            yield {"fault": f"{bone}, 60 % of it", "person": person} | _held(
-                source, cut, here, truth, lost
-            )
+            row = {"fault": f"{bone} with a hole of 30 mm", "person": person}
+            yield row | _with_hole(bone, *whole[bone])
+            row = {"fault": f"{bone}, 60 % of it", "person": person}
+            yield row | _cut(bone, *whole[bone])
+
+
+def _with_hole(bone: str, case: Case, source: mm.Surface, target: mm.Surface) -> Row:
+    """Carry attachments to a bone with a hole around one of them."""
+    here = attachments()[bone].on(case.template)
+    truth = attachments()[bone].on(case.person)
+    center = truth[len(truth) // 2]
+    hole = part_of(target, np.linalg.norm(target.vertices - center, axis=1) > HOLE)
+    near = np.linalg.norm(truth - center, axis=1) < HOLE
+    return _held(source, hole, here, truth, near)
+
+
+def _cut(bone: str, case: Case, source: mm.Surface, target: mm.Surface) -> Row:
+    """Carry attachments to the upper part of a bone."""
+    here = attachments()[bone].on(case.template)
+    truth = attachments()[bone].on(case.person)
+    spread = target.vertices - target.vertices.mean(axis=0)
+    axis = np.linalg.svd(spread, full_matrices=False)[2][0]
+    up = axis * np.sign(axis[np.argmax(np.abs(axis))])
+    height = target.vertices @ up
+    border = height.max() - LEFT * np.ptp(height)
+    return _held(source, part_of(target, height > border), here, truth, truth @ up < border)
 
 
 def _refusal(ours: dict[str, mm.Surface], theirs: dict[str, mm.Surface]) -> Row:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import linprog
@@ -26,9 +27,13 @@ from benchmarks.accuracy.contact.pair import (
 )
 from benchmarks.hidden_plates import CASES, Hidden, HiddenCase, feet_of, opened
 from myomorph.core.contact.states import preferred_directions
+from myomorph.core.model.arrays import Array
 from myomorph.core.rigid.frames import over_frames
 from myomorph.core.tension.certificates import (
+    Bounds,
     CertificateOptions,
+    ContactIntervals,
+    SolvedFrames,
     contact_intervals,
     group_functions,
     open_bounds,
@@ -92,40 +97,68 @@ def measure(folder: Path) -> Iterator[Row]:
         hidden, problem, tension = solved_case(folder, case)
         frames = np.flatnonzero(hidden.use)[::EVERY]
         found = contact_intervals(problem, tension, frames.tolist())
-        wide = contact_intervals(
-            problem, tension, frames.tolist(), CertificateOptions(residual=MODEL_ERROR, near=0.0)
-        )
-        ready = hidden.activations.values[frames] > 0.0
-        groups = np.array([one.group for one in hidden.sites])
-        touching = np.stack([ready[:, groups == name].any(axis=1) for name in found.groups], axis=1)
-        several = touching.sum(axis=1) > 1
-        width = 100.0 * (found.high - found.low) / hidden.weight
-        near = 100.0 * (found.near_high - found.near_low) / hidden.weight
-        feet = [
-            (name, force)
-            for side, force, _ in feet_of(hidden)
-            if (name := f"foot_{side[0]}") in found.groups
-        ]
-        columns = [found.groups.index(name) for name, _ in feet]
-        measured = np.stack([force[frames] for _, force in feet], axis=1)
-        inside = (measured >= wide.low[:, columns]) & (measured <= wide.high[:, columns])
-        carrying = measured[..., 1] > LOADED * hidden.weight
+        several = _touching(hidden, found.groups, frames).sum(axis=1) > 1
         row: Row = {
             "recording": case.name,
             "instants": len(frames),
             "several contacts": int(several.sum()),
         }
-        for what, at, values in (
-            ("one contact", ~several, width),
-            ("several", several, width),
-            ("near optimum", several, near),
-        ):
-            for axis in (1, 0, 2):
-                told = values[at][:, :, axis].max(axis=1)
-                row[f"{what}, {AXES[axis]} [% weight]"] = float(np.median(told)) if at.any() else ""
-        for axis in (1, 0, 2):
-            row[f"plates inside, {AXES[axis]}"] = float(inside[carrying][:, axis].mean())
-        yield row
+        width = 100.0 * (found.high - found.low) / hidden.weight
+        near = 100.0 * (found.near_high - found.near_low) / hidden.weight
+        row |= _median_widths("one contact", width[~several])
+        row |= _median_widths("several", width[several])
+        row |= _median_widths("near optimum", near[several])
+        options = CertificateOptions(residual=MODEL_ERROR, near=0.0)
+        wide = contact_intervals(problem, tension, frames.tolist(), options)
+        yield row | _plates_inside(hidden, wide, frames)
+
+
+def _touching(hidden: Hidden, names: Sequence[str], frames: np.ndarray) -> np.ndarray:
+    """Return whether each group of sites may touch (frames, groups)."""
+    ready = hidden.activations.values[frames] > 0.0
+    groups = np.array([one.group for one in hidden.sites])
+    return np.stack([ready[:, groups == name].any(axis=1) for name in names], axis=1)
+
+
+def _median_widths(what: str, widths: Array) -> Row:
+    """Return medians of the widest interval of any group, from widths (frames, groups, 3)."""
+    return {
+        f"{what}, {AXES[axis]} [% weight]": (
+            float(np.median(widths[:, :, axis].max(axis=1))) if len(widths) else ""
+        )
+        for axis in (1, 0, 2)
+    }
+
+
+def _plates_inside(hidden: Hidden, wide: ContactIntervals, frames: np.ndarray) -> Row:
+    """Return how often the plates' forces lie inside intervals, while they carry."""
+    feet = [
+        (name, force)
+        for side, force, _ in feet_of(hidden)
+        if (name := f"foot_{side[0]}") in wide.groups
+    ]
+    columns = [wide.groups.index(name) for name, _ in feet]
+    measured = np.stack([force[frames] for _, force in feet], axis=1)
+    inside = (measured >= wide.low[:, columns]) & (measured <= wide.high[:, columns])
+    carrying = measured[..., 1] > LOADED * hidden.weight
+    return {
+        f"plates inside, {AXES[axis]}": float(inside[carrying][:, axis].mean())
+        for axis in (1, 0, 2)
+    }
+
+
+class _Programs(NamedTuple):
+    """Extremes by our simplex and by HiGHS.
+
+    Attributes
+    ----------
+    apart : greatest difference of their extremes [N]
+    ours, highs : processor time [s]
+    """
+
+    apart: float
+    ours: float
+    highs: float
 
 
 def measure_programs(folder: Path) -> Iterator[Row]:
@@ -136,9 +169,7 @@ def measure_programs(folder: Path) -> Iterator[Row]:
     for case in CASES[:2]:
         hidden, problem, tension = solved_case(folder, case)
         frames = np.flatnonzero(hidden.use)[:: 4 * EVERY]
-        options = CertificateOptions()
         dense = solved_frames(problem, tension, frames)
-        lower, upper = open_bounds(problem, dense, options)
         columns = problem.contacts.generators if problem.contacts is not None else None
         assert columns is not None
         names = tuple(dict.fromkeys(one.group for one in columns.sites))
@@ -146,17 +177,9 @@ def measure_programs(folder: Path) -> Iterator[Row]:
             np.array([columns.sites[k].group == name for k in columns.site]) for name in names
         ]
         functions = group_functions(problem, dense, members)
-        seconds = np.zeros(2)
-        apart = 0.0
-        for k in range(len(frames)):
-            costs = np.stack([functions[k], -functions[k]], axis=1).reshape(-1, functions.shape[-1])
-            began = time.process_time()
-            ours, _ = extremes(dense.A[k], dense.x[k], lower[k], upper[k], costs)
-            seconds[0] += time.process_time() - began
-            began = time.process_time()
-            theirs = [_highs(cost, dense.A[k], dense.x[k], lower[k], upper[k]) for cost in costs]
-            seconds[1] += time.process_time() - began
-            apart = max(apart, float(np.abs(ours - theirs).max()))
+        solved_by = _solved_programs(
+            dense, open_bounds(problem, dense, CertificateOptions()), functions
+        )
         began = time.process_time()
         contact_intervals(problem, tension, frames.tolist())
         whole = time.process_time() - began
@@ -167,13 +190,32 @@ def measure_programs(folder: Path) -> Iterator[Row]:
             "programs an instant": 8 * len(names),
             "variables": dense.x.shape[1],
             "equations": dense.b.shape[1],
-            "apart at most [N]": apart,
-            "ours [ms]": 1e3 * seconds[0] / len(frames),
-            "HiGHS [ms]": 1e3 * seconds[1] / len(frames),
+            "apart at most [N]": solved_by.apart,
+            "ours [ms]": 1e3 * solved_by.ours / len(frames),
+            "HiGHS [ms]": 1e3 * solved_by.highs / len(frames),
             "all intervals [ms]": 1e3 * whole / len(frames),
             "stationarity": float(conditions.stationarity.max()),
             "balance": float(conditions.balance.max()),
         }
+
+
+def _solved_programs(dense: SolvedFrames, bounds: Bounds, functions: Array) -> _Programs:
+    """Minimize and maximize functions (frames, functions, variables) in frames by both programs."""
+    ours_seconds = 0.0
+    highs_seconds = 0.0
+    apart = 0.0
+    for k in range(len(functions)):
+        costs = np.stack([functions[k], -functions[k]], axis=1).reshape(-1, functions.shape[-1])
+        began = time.process_time()
+        ours, _ = extremes(dense.A[k], dense.x[k], bounds.lower[k], bounds.upper[k], costs)
+        ours_seconds += time.process_time() - began
+        began = time.process_time()
+        theirs = [
+            _highs(cost, dense.A[k], dense.x[k], bounds.lower[k], bounds.upper[k]) for cost in costs
+        ]
+        highs_seconds += time.process_time() - began
+        apart = max(apart, float(np.abs(ours - theirs).max()))
+    return _Programs(apart=apart, ours=ours_seconds, highs=highs_seconds)
 
 
 def _highs(
@@ -194,44 +236,39 @@ def measure_faults(folder: Path) -> Iterator[Row]:
     """
     for case in CASES[:3]:
         hidden = opened(folder, case)
-        groups = np.array([one.group for one in hidden.sites])
         tau = mm.inverse_dynamics(hidden.model, hidden.motion)
         force = np.stack([tau[f"pelvis_t{axis}"] for axis in "xyz"], axis=1)
-        ready = {
-            name: hidden.activations.values[:, groups == name] for name in ("foot_r", "foot_l")
-        }
-        for name, (kind, fault, most) in FAULTS.items():
-            must = 0
-            marked = 0
-            both = 0
-            named = 0
-            frames = 0
-            for foot, other in (("foot_r", "foot_l"), ("foot_l", "foot_r")):
-                alone = (
-                    hidden.use & (ready[foot].max(axis=1) > 0.9) & ~(ready[other] > 0.0).any(axis=1)
-                )
-                problem, tension = solved(hidden, partial(fault, foot=foot))
-                found = {one.frame: one for one in relaxations(problem, tension)}
-                lacking = (
-                    most(force, (ready[foot] > 0.0).sum(axis=1)) > RESIDUAL_SHARE * hidden.weight
-                )
-                seen = np.isin(np.arange(len(alone)), list(found))
-                frames = frames + int(alone.sum())
-                must = must + int((alone & lacking).sum())
-                marked = marked + int((alone & seen).sum())
-                both = both + int((alone & lacking & seen).sum())
-                named += sum(
-                    _named(found[int(frame)], kind, foot) for frame in np.flatnonzero(alone & seen)
-                )
-            yield {
-                "recording": case.name,
-                "fault": name,
-                "frames": frames,
-                "must be marked": must,
-                "of these marked": both,
-                "marked in all": marked,
-                "named rightly": named,
-            }
+        for name in FAULTS:
+            right = _marked_frames(hidden, force, name, "foot_r", "foot_l")
+            left = _marked_frames(hidden, force, name, "foot_l", "foot_r")
+            counts = {key: right[key] + left[key] for key in right}
+            yield {"recording": case.name, "fault": name} | counts
+
+
+def _marked_frames(
+    hidden: Hidden, force: Array, fault_name: str, foot: str, other: str
+) -> dict[str, int]:
+    """Count frames that are marked while a faulty foot alone stands.
+
+    `force`: (frames, 3) that has to act on the pelvis [N].
+    """
+    kind, fault, most = FAULTS[fault_name]
+    groups = np.array([one.group for one in hidden.sites])
+    ready = hidden.activations.values[:, groups == foot]
+    others = hidden.activations.values[:, groups == other]
+    alone = hidden.use & (ready.max(axis=1) > 0.9) & ~(others > 0.0).any(axis=1)
+    problem, tension = solved(hidden, partial(fault, foot=foot))
+    found = {one.frame: one for one in relaxations(problem, tension)}
+    lacking = most(force, (ready > 0.0).sum(axis=1)) > RESIDUAL_SHARE * hidden.weight
+    seen = np.isin(np.arange(len(alone)), list(found))
+    named = [_named(found[int(frame)], kind, foot) for frame in np.flatnonzero(alone & seen)]
+    return {
+        "frames": int(alone.sum()),
+        "must be marked": int((alone & lacking).sum()),
+        "of these marked": int((alone & lacking & seen).sum()),
+        "marked in all": int((alone & seen).sum()),
+        "named rightly": sum(named),
+    }
 
 
 def measure_truth() -> Iterator[Row]:

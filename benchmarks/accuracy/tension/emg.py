@@ -281,29 +281,12 @@ def held_out(folder: Path, recorded: Recorded) -> tuple[Row, ...]:
     It has its correlation with the mean activation of its muscles, later by the delay that others
     have.
     """
-    files = RECORDINGS[recorded.files]
     source = folder / recorded.emg
-    rows = list[Row]()
     # The C3D files have another clock than the coordinates.
     emg = implant_emg(folder, source.stem) if source.suffix == ".c3d" else mm.read_sto(source)
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
-        model = folder / files.model
-        loads = folder / files.loads
-        if recorded.mass is not None:
-            model = work / "model.osim"
-            mm.write_osim(subject_model(folder, files.model, recorded.mass, False), model)
-        assigned = loads.with_suffix(".xml")
-        words = (
-            "--model",
-            model,
-            "--motion",
-            folder / files.motion,
-            *recorded.words,
-            "--emg",
-            work / "emg.sto",
-        )
-        words += ("--loads", assigned if assigned.exists() else loads)
+        words = _words(folder, recorded, work)
 
         def run(left_out: str, way: str) -> Path:
             kept = [
@@ -318,22 +301,45 @@ def held_out(folder: Path, recorded: Recorded) -> tuple[Row, ...]:
             return out
 
         (alone,) = mm.load(run("", ALONE)).values()
-        for channel, muscles in json.loads(alone.facts["emg_muscles"]).items():
+        rows = []
+        for channel in json.loads(alone.facts["emg_muscles"]):
             outs = {way: alone.path.parent if way == ALONE else run(channel, way) for way in WORDS}
-            with open(outs["default"] / CHANNEL_TABLE, encoding="utf-8") as lines:
-                told = next(csv.DictReader(lines))
-            assert alone.emg is not None
-            row: Row = {"walk": recorded.name, "channel": channel}
-            for way, out in outs.items():
-                activations = mm.read_sto(out / "activations.sto")
-                measured = np.interp(
-                    activations.time - float(told["delay_s"]), alone.emg.time, alone.emg[channel]
-                )
-                predicted = np.mean([activations[one] for one in muscles], axis=0)
-                # Muscles that never work follow nothing.
-                row[f"r, {way}"] = float(np.nan_to_num(_correlation(predicted, measured)))
-            rows.append(row | {"weight by default": float(told["weight"])})
+            rows.append({"walk": recorded.name} | _channel_row(alone, channel, outs))
     return tuple(rows)
+
+
+def _words(folder: Path, recorded: Recorded, work: Path) -> tuple[object, ...]:
+    """Return the inputs of `tension`; the table of EMG is `emg.sto` in the working folder."""
+    files = RECORDINGS[recorded.files]
+    model = folder / files.model
+    if recorded.mass is not None:
+        model = work / "model.osim"
+        mm.write_osim(subject_model(folder, files.model, recorded.mass, False), model)
+    loads = folder / files.loads
+    assigned = loads.with_suffix(".xml")
+    return (
+        *("--model", model, "--motion", folder / files.motion),
+        *recorded.words,
+        *("--emg", work / "emg.sto"),
+        *("--loads", assigned if assigned.exists() else loads),
+    )
+
+
+def _channel_row(alone: mm.TrialResult, channel: str, outs: Mapping[str, Path]) -> Row:
+    """Correlate a channel with its muscles in the results of each way, by way their folder."""
+    muscles = json.loads(alone.facts["emg_muscles"])[channel]
+    with open(outs["default"] / CHANNEL_TABLE, encoding="utf-8") as lines:
+        calibrated = next(csv.DictReader(lines))
+    assert alone.emg is not None
+    row: Row = {"channel": channel}
+    for way, out in outs.items():
+        activations = mm.read_sto(out / "activations.sto")
+        at = activations.time - float(calibrated["delay_s"])
+        measured = np.interp(at, alone.emg.time, alone.emg[channel])
+        predicted = np.mean([activations[one] for one in muscles], axis=0)
+        # Muscles that never work follow nothing.
+        row[f"r, {way}"] = float(np.nan_to_num(_correlation(predicted, measured)))
+    return row | {"weight by default": float(calibrated["weight"])}
 
 
 def measure_calibration(folder: Path) -> Iterator[Row]:

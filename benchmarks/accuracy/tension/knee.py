@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +29,9 @@ from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.cli import main
 from myomorph.lab.study.inputs.contact_points import contact_points
+
+if TYPE_CHECKING:
+    from benchmarks.opensim_static import StaticResult
 
 Row = dict[str, object]
 
@@ -338,6 +342,33 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.
     It is shared among our contact points. OpenSim's tool filters the coordinates; the loads are as
     recorded, or filtered as ours. The reserves are the model's own.
     """
+    model, motion, _ = inputs_of(folder, stride)
+    static, total, wrenches = _static_reaction(folder, stride, cutoff, smooth)
+    # Their times are rounded: ours lie within the recording.
+    at = np.clip(static.time, motion.time[0], motion.time[-1])
+    points = contact_points("auto", model)
+    assert points is not None
+    shared = mm.joint_contact_forces(
+        model,
+        _at(mm.differentiate(motion, cutoff), at),
+        mm.Series(at, static.names, static.forces),
+        mm.resample_wrenches(wrenches, at),
+        [one for one in points.points if one.joint == JOINT],
+        patella="string",
+    )
+    values = [
+        np.interp(at, total.time, total.values[:, 0]),
+        shared.of(JOINT, "medial"),
+        shared.of(JOINT, "lateral"),
+    ]
+    return mm.Series(at, PARTS, np.column_stack(values))
+
+
+def _static_reaction(
+    folder: Path, stride: str, cutoff: float, smooth: bool
+) -> tuple[StaticResult, mm.Series, mm.Wrenches]:
+    """Return OpenSim's tensions, its total force on the knee [N], and the loads that it read."""
+    # OpenSim is wanted here alone.
     from benchmarks.opensim_static import AnalyzeInputs, reaction_force, static_optimization
 
     model, motion, _ = inputs_of(folder, stride)
@@ -355,20 +386,8 @@ def opensim_loads(folder: Path, stride: str, cutoff: float, smooth: bool) -> mm.
         static = static_optimization(inputs, 0.0, float(motion.time[-1]))
         clock, force = reaction_force(inputs, static, JOINT)
         wrenches = read_external_loads(loads)
-    # Their times are rounded: ours lie within the recording.
-    at = np.clip(static.time, motion.time[0], motion.time[-1])
-    moved = _at(mm.differentiate(motion, cutoff), at)
-    tensions = mm.Series(at, static.names, static.forces)
-    points = contact_points("auto", model)
-    assert points is not None
-    own = [one for one in points.points if one.joint == JOINT]
-    shared = mm.joint_contact_forces(
-        model, moved, tensions, mm.resample_wrenches(wrenches, at), own, patella="string"
-    )
-    total = np.interp(at, clock, np.linalg.norm(force, axis=1))
-    return mm.Series(
-        at, PARTS, np.column_stack([total, shared.of(JOINT, "medial"), shared.of(JOINT, "lateral")])
-    )
+    total = np.linalg.norm(force, axis=1)[:, None]
+    return static, mm.Series(clock, ("total",), total), wrenches
 
 
 def _at(motion: mm.Motion, time: Array) -> mm.Motion:

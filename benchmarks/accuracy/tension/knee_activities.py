@@ -27,11 +27,13 @@ from myomorph.core.muscles.published_arms import BANDS, knee_arms
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.knees import flexion_coordinate, knee_joints
 from myomorph.core.rigid.tree import compile_tree
+from myomorph.core.tension.reaction import JointReactions
 from myomorph.core.tension.recruitment import (
     EFFORT_ALONE,
     RecruitmentOptions,
     recruitment_terms,
 )
+from myomorph.core.tension.tension import Tension
 from myomorph.core.tension.terms.actuators import RESERVE_FORCE, default_reserves
 from myomorph.lab.analyze import generic_model as shipped
 
@@ -150,33 +152,12 @@ def measure_forces(folder: Path) -> Iterator[Row]:
 
 def _row(folder: Path, activity: Activity, model_name: str, way: str) -> Row:
     model, motion, wrenches = inputs(folder, activity, model_name)
-    patella, costs, rotators = WAYS[way]
-    torques = mm.inverse_dynamics(model, motion, wrenches)
-    reserves = default_reserves(model)
-    if not rotators:
-        reserves = tuple(
-            replace(one, optimal_force=RESERVE_FORCE) if one.kind == "coordinate" else one
-            for one in reserves
-        )
-    options = mm.TensionOptions()
-    terms = recruitment_terms(model, motion, torques, wrenches, costs.settled(model, options, True))
-    found = mm.solve_tension(
-        model, motion, torques, options, reserves, recruitment=EFFORT_ALONE, terms=terms
-    )
-    knees = [one.name for one in knee_joints(model)]
-    reactions = mm.joint_reactions(
-        model,
-        motion,
-        found,
-        wrenches,
-        knees,
-        actuators=reserves,
-        patella=patella,  # type: ignore[arg-type]
-    )
+    found, reactions = _solved(model, motion, wrenches, way)
     total = np.linalg.norm(reactions.forces, axis=2) / model.weight
     # What a seat or a box carries is not measured: only frames count in which the feet carry the
     # person.
     standing = wrenches.forces[:, :, 1].sum(axis=1) > 0.9 * model.weight
+    knees = [one.name for one in knee_joints(model)]
     bend = np.degrees(np.stack([motion[f"knee_angle_{name[-1]}"] for name in knees], axis=1))
     row: Row = {
         "activity": activity.name,
@@ -193,6 +174,35 @@ def _row(folder: Path, activity: Activity, model_name: str, way: str) -> Row:
     row["vastus lateralis over medialis"] = _share(found, standing)
     row["not optimal"] = int((~found.optimal).sum())
     return row
+
+
+def _solved(
+    model: mm.Model, motion: mm.Motion, wrenches: mm.Wrenches, way: str
+) -> tuple[Tension, JointReactions]:
+    """Return tensions by one of `WAYS`, and the reactions of the knees with them."""
+    patella, costs, rotators = WAYS[way]
+    torques = mm.inverse_dynamics(model, motion, wrenches)
+    reserves = default_reserves(model)
+    if not rotators:
+        reserves = tuple(
+            replace(one, optimal_force=RESERVE_FORCE) if one.kind == "coordinate" else one
+            for one in reserves
+        )
+    options = mm.TensionOptions()
+    terms = recruitment_terms(model, motion, torques, wrenches, costs.settled(model, options, True))
+    found = mm.solve_tension(
+        model, motion, torques, options, reserves, recruitment=EFFORT_ALONE, terms=terms
+    )
+    reactions = mm.joint_reactions(
+        model,
+        motion,
+        found,
+        wrenches,
+        [one.name for one in knee_joints(model)],
+        actuators=reserves,
+        patella=patella,  # type: ignore[arg-type]
+    )
+    return found, reactions
 
 
 def _share(found: mm.Tension, frames: Array) -> float:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -90,6 +91,28 @@ def measure_case(folder: Path, case: MuscleCase) -> dict[str, object]:
     return row | _against_opensim(folder / case.model, model, paths, motion, ours)
 
 
+@dataclass(kw_only=True, eq=False)
+class _Differences:
+    """Differences of muscles in all frames.
+
+    Attributes
+    ----------
+    lengths : (frames, muscles) [m]
+    speeds : (frames, muscles) [m/s]
+    arms : (frames, pairs) of moment arms [m], NaN where ours fit OpenSim's lengths better
+    beyond : number of moment arms that differ
+    ours_nearer : number of those where ours fit OpenSim's lengths better
+    seconds : that OpenSim took
+    """
+
+    lengths: np.ndarray
+    speeds: np.ndarray
+    arms: np.ndarray
+    beyond: int = 0
+    ours_nearer: int = 0
+    seconds: float = 0.0
+
+
 def _poses(model: mm.Model, file: Path | None, frames: int) -> mm.Motion:
     """Return frames spread over a motion, or random poses within three quarters of the ranges.
 
@@ -130,7 +153,8 @@ def _against_own_lengths(
         pairs = np.flatnonzero(paths.arm_coordinate == j)
         slopes = (shifted[1] - shifted[0]) / (2.0 * STEP)
         differences[:, pairs] = np.abs(ours.arms[:, pairs] + slopes[:, paths.arm_muscle[pairs]])
-    return _row(np.full(1, np.nan), np.full(1, np.nan), differences, 0, 0, np.nan, model, paths) | {
+    found = _Differences(lengths=np.full(1, np.nan), speeds=np.full(1, np.nan), arms=differences)
+    return _row(found, np.nan, model, paths) | {
         "compared with": "finite differences of our lengths"
     }
 
@@ -167,6 +191,13 @@ class _Theirs:
     def lengths(self) -> np.ndarray:
         return np.array([path.getLength(self.state) for path in self.paths])
 
+    def arms(self, paths: Paths) -> list[float]:
+        """Moment arms of the pairs of our paths [m]."""
+        return [
+            self.paths[m].computeMomentArm(self.state, self.coordinates[j])
+            for m, j in zip(paths.arm_muscle, paths.arm_coordinate, strict=True)
+        ]
+
     def rates(self, speeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rates of the coordinates and lengthening speeds at the speeds u."""
         for one, speed in zip(self.coordinates, speeds, strict=True):
@@ -184,47 +215,72 @@ def _against_opensim(
     theirs = _Theirs(file, model)
     values = paths.tree.coordinates_of(motion)
     speeds = _consistent_speeds(paths, values, motion)
-    pairs = list(zip(paths.arm_muscle, paths.arm_coordinate, strict=True))
-    lengths = np.zeros(ours.muscle_length.shape)
-    rates = np.zeros(ours.muscle_length.shape)
-    arms = np.zeros((len(motion), len(pairs)))
-    beyond = 0
-    ours_nearer = 0
-    seconds = 0.0
+    shape = ours.muscle_length.shape
+    found = _Differences(
+        lengths=np.zeros(shape),
+        speeds=np.zeros(shape),
+        arms=np.zeros((len(motion), len(paths.arm_muscle))),
+    )
     for f, row in enumerate(values):
         theirs.place(row)
         began = time.perf_counter()
-        expected = theirs.lengths()
-        expected_arms = [
-            theirs.paths[m].computeMomentArm(theirs.state, theirs.coordinates[j]) for m, j in pairs
-        ]
-        seconds += time.perf_counter() - began
-        lengths[f] = np.abs(ours.muscle_length[f] - expected)
+        lengths = theirs.lengths()
+        arms = theirs.arms(paths)
+        found.seconds += time.perf_counter() - began
+        found.lengths[f] = np.abs(ours.muscle_length[f] - lengths)
         # Couplers do not occur together with joints whose speeds are not rates.
         change = np.eye(len(row))
         if not model.couplers:
             change = np.column_stack([theirs.rates(_unit(model, j))[0] for j in range(len(row))])
         table = ours.dense(slice(f, f + 1))[0] @ change
-        arms[f] = np.abs(table[paths.arm_muscle, paths.arm_coordinate] - expected_arms)
-        qdot, expected_rates = theirs.rates(speeds[f])
-        rates[f] = np.abs(paths.evaluate(row[None], qdot[None])[1][0] - expected_rates)
-        for k in np.flatnonzero(arms[f] > SAME):
-            m, j = pairs[k]
-            ends = []
-            for side in (-1.0, 1.0):
-                theirs.place(
-                    paths.tree.coordinates_of(_at(motion, f, row + side * STEP * change[:, j]))[0]
-                )
-                ends.append(theirs.paths[m].getLength(theirs.state))
-            slope = -(ends[1] - ends[0]) / (2.0 * STEP)
-            beyond += 1
-            if abs(table[m, j] - slope) < abs(expected_arms[k] - slope):
-                ours_nearer += 1
-                arms[f, k] = np.nan
-    took = 1e3 * seconds / len(motion)
-    return _row(lengths, rates, arms, beyond, ours_nearer, took, model, paths) | {
+        found.arms[f] = np.abs(table[paths.arm_muscle, paths.arm_coordinate] - arms)
+        qdot, rates = theirs.rates(speeds[f])
+        found.speeds[f] = np.abs(paths.evaluate(row[None], qdot[None])[1][0] - rates)
+        _decide(found, theirs, paths, _at(motion, f, row), _Arms(f, table, np.array(arms), change))
+    return _row(found, 1e3 * found.seconds / len(motion), model, paths) | {
         "compared with": "OpenSim"
     }
+
+
+class _Arms(NamedTuple):
+    """Moment arms in a frame.
+
+    Attributes
+    ----------
+    frame : number
+    ours : (muscles, coordinates) about OpenSim's speeds [m]
+    theirs : (pairs,) of OpenSim [m]
+    change : (coordinates, coordinates) rates of the coordinates per OpenSim's speed
+    """
+
+    frame: int
+    ours: np.ndarray
+    theirs: np.ndarray
+    change: np.ndarray
+
+
+def _decide(
+    found: _Differences, theirs: _Theirs, paths: Paths, pose: mm.Motion, arms: _Arms
+) -> None:
+    """Count moment arms that differ, and those that fit OpenSim's own lengths better than its own.
+
+    The latter do not count as differences.
+    """
+    frame = arms.frame
+    row = pose.values[0]
+    for k in np.flatnonzero(found.arms[frame] > SAME):
+        m = paths.arm_muscle[k]
+        j = paths.arm_coordinate[k]
+        ends = []
+        for side in (-1.0, 1.0):
+            moved = replace(pose, values=(row + side * STEP * arms.change[:, j])[None])
+            theirs.place(paths.tree.coordinates_of(moved)[0])
+            ends.append(theirs.paths[m].getLength(theirs.state))
+        slope = -(ends[1] - ends[0]) / (2.0 * STEP)
+        found.beyond += 1
+        if abs(arms.ours[m, j] - slope) < abs(arms.theirs[k] - slope):
+            found.ours_nearer += 1
+            found.arms[frame, k] = np.nan
 
 
 def _at(motion: mm.Motion, frame: int, values: np.ndarray) -> mm.Motion:
@@ -242,30 +298,21 @@ def _consistent_speeds(paths: Paths, values: np.ndarray, motion: mm.Motion) -> n
     return speeds
 
 
-def _row(
-    lengths: np.ndarray,
-    speeds: np.ndarray,
-    arms: np.ndarray,
-    beyond: int,
-    ours_nearer: int,
-    took: float,
-    model: mm.Model,
-    paths: Paths,
-) -> dict[str, object]:
-    known = np.nan_to_num(arms)
+def _row(found: _Differences, took: float, model: mm.Model, paths: Paths) -> dict[str, object]:
+    known = np.nan_to_num(found.arms)
     worst = int(known.max(axis=0).argmax())
     name = (
         f"{model.muscle_names[paths.arm_muscle[worst]]} about"
         f" {model.coordinate_names[paths.arm_coordinate[worst]]}"
     )
     return {
-        "length max [mm]": MILLIMETERS * float(lengths.max()),
-        "length 99 % [mm]": MILLIMETERS * float(np.percentile(lengths, 99)),
-        "speed max [mm/s]": MILLIMETERS * float(speeds.max()),
+        "length max [mm]": MILLIMETERS * float(found.lengths.max()),
+        "length 99 % [mm]": MILLIMETERS * float(np.percentile(found.lengths, 99)),
+        "speed max [mm/s]": MILLIMETERS * float(found.speeds.max()),
         "moment arm max [mm]": MILLIMETERS * float(known.max()),
-        "moment arm 99 % [mm]": MILLIMETERS * float(np.nanpercentile(arms, 99)),
-        "moment arms off by 0.1 mm": beyond,
-        "of these, ours nearer to OpenSim's own slope": ours_nearer,
+        "moment arm 99 % [mm]": MILLIMETERS * float(np.nanpercentile(found.arms, 99)),
+        "moment arms off by 0.1 mm": found.beyond,
+        "of these, ours nearer to OpenSim's own slope": found.ours_nearer,
         "worst": name,
         "OpenSim [ms/frame]": took,
     }

@@ -367,24 +367,28 @@ def measure_published(folder: Path) -> Iterator[Row]:
         found = map_generic(*models)
         # A muscle that our map leaves alone cannot be compared.
         mapped = [m for m in found.muscles if not any(f"'{m}'" in note for note in found.notes)]
-        ours = [found.model.muscles[found.model.muscle_names.index(m)] for m in mapped]
-        other = [theirs.muscles[theirs.muscle_names.index(m)] for m in mapped]
-        row: Row = {"models": name, "muscles": len(found.muscles), "mapped": len(mapped)}
-        for parameter in LENGTHS:
-            a = np.array([getattr(one, parameter) for one in ours])
-            b = np.array([getattr(one, parameter) for one in other])
-            apart = 1e3 * np.abs(a - b)
-            word = parameter.replace("_", " ")
-            row |= {
-                f"{word}: median [mm]": float(np.median(apart)),
-                f"{word}: largest [mm]": float(apart.max()),
-            }
         kept = [found.muscles.index(m) for m in mapped]
-        row |= {
+        yield {
+            "models": name,
+            "muscles": len(found.muscles),
+            "mapped": len(mapped),
+            **_length_differences(found.model, theirs, mapped),
             "largest RMS of fiber lengths": float(found.after[kept].max()),
             "published": float(published.max()),
         }
-        yield row
+
+
+def _length_differences(ours: mm.Model, theirs: mm.Model, names: Sequence[str]) -> Row:
+    """Return median and largest difference of each length of some muscles [mm]."""
+    row: Row = {}
+    for parameter in LENGTHS:
+        a = np.array([getattr(ours.muscle(name), parameter) for name in names])
+        b = np.array([getattr(theirs.muscle(name), parameter) for name in names])
+        apart = 1e3 * np.abs(a - b)
+        word = parameter.replace("_", " ")
+        row[f"{word}: median [mm]"] = float(np.median(apart))
+        row[f"{word}: largest [mm]"] = float(apart.max())
+    return row
 
 
 LEGS = {

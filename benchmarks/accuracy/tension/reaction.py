@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -216,49 +217,70 @@ def _in_opensim(case: str, write: Callable[[Path], tuple[Path, Path]]) -> Row:
     return _row(case, "OpenSim 4.6", len(found), len(found.names) // 9, found, wanted)
 
 
+class _TreeForces(NamedTuple):
+    """Joint forces on a random tree: the largest [N], and differences of forces and moments."""
+
+    largest: float
+    force: float
+    moment: float
+
+
 def _trees() -> Row:
     """Pinocchio's joint forces on a random tree with forces on all bodies."""
-    largest = 0.0
-    force = 0.0
-    moment = 0.0
-    for seed in range(6):
-        model = random_tree(seed)
-        rng = np.random.default_rng(seed)
-        motion = mm.Motion(
-            np.zeros(1), model.coordinate_names, *rng.normal(size=(3, 1, len(model.coordinates)))
-        )
-        tree = compile_tree(model)
-        applied = rng.normal(scale=20.0, size=(1, len(tree.arrays.parent), 6))
-        found = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
-        theirs, ids = to_pinocchio(model)
-        data = theirs.createData()
-        pin.forwardKinematics(theirs, data, motion.values[0])
-        external = pin.StdVec_Force()
-        for _ in range(theirs.njoints):
-            external.append(pin.Force.Zero())
-        for body in model.bodies:
-            wrench = applied[0, tree.body_index[body.name]]
-            external[ids[body.name]] = data.oMi[ids[body.name]].actInv(
-                pin.Force(wrench[:3], wrench[3:])
-            )
-        pin.rnea(
-            theirs, data, motion.values[0], motion.velocities[0], motion.accelerations[0], external
-        )
-        for body in model.bodies:
-            carried = data.oMi[ids[body.name]].act(data.f[ids[body.name]])
-            b = tree.body_index[body.name]
-            largest = max(largest, float(np.abs(carried.linear).max()))
-            force = max(force, float(np.abs(found.forces[0, b] - carried.linear).max()))
-            moment = max(moment, float(np.abs(found.moments[0, b] - carried.angular).max()))
+    found = [_tree_forces(seed) for seed in range(6)]
     return {
         "case": "6 random trees of 12 bodies",
         "against": "Pinocchio",
         "frames": 6,
         "joints": 12,
-        "largest force [N]": largest,
-        "forces apart, at most [N]": force,
-        "moments apart, at most [N m]": moment,
+        "largest force [N]": max(one.largest for one in found),
+        "forces apart, at most [N]": max(one.force for one in found),
+        "moments apart, at most [N m]": max(one.moment for one in found),
     }
+
+
+def _tree_forces(seed: int) -> _TreeForces:
+    model = random_tree(seed)
+    rng = np.random.default_rng(seed)
+    motion = mm.Motion(
+        np.zeros(1), model.coordinate_names, *rng.normal(size=(3, 1, len(model.coordinates)))
+    )
+    tree = compile_tree(model)
+    applied = rng.normal(scale=20.0, size=(1, len(tree.arrays.parent), 6))
+    found = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
+    theirs = _pinocchio_wrenches(model, motion, applied[0])
+    bodies = [tree.body_index[body.name] for body in model.bodies]
+    forces = np.array([one.linear for one in theirs])
+    moments = np.array([one.angular for one in theirs])
+    return _TreeForces(
+        largest=float(np.abs(forces).max()),
+        force=float(np.abs(found.forces[0, bodies] - forces).max()),
+        moment=float(np.abs(found.moments[0, bodies] - moments).max()),
+    )
+
+
+def _pinocchio_wrenches(model: mm.Model, motion: mm.Motion, applied: Array) -> list[pin.Force]:
+    """Return the wrench that each body's joint carries, in ground.
+
+    `applied`: (bodies of the tree, 6) forces and moments about the ground's origin.
+    """
+    tree = compile_tree(model)
+    theirs, ids = to_pinocchio(model)
+    data = theirs.createData()
+    pin.forwardKinematics(theirs, data, motion.values[0])
+    external = pin.StdVec_Force()
+    for _ in range(theirs.njoints):
+        external.append(pin.Force.Zero())
+    for body in model.bodies:
+        wrench = applied[tree.body_index[body.name]]
+        external[ids[body.name]] = data.oMi[ids[body.name]].actInv(
+            pin.Force(wrench[:3], wrench[3:])
+        )
+    pin.rnea(
+        theirs, data, motion.values[0], motion.velocities[0], motion.accelerations[0], external
+    )
+    joints = [ids[body.name] for body in model.bodies]
+    return [data.oMi[joint].act(data.f[joint]) for joint in joints]
 
 
 @dataclass(frozen=True)

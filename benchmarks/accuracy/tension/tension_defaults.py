@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -68,60 +68,83 @@ SILENT = 0.4
 """The share of a channel's samples that count as silence, its smallest."""
 
 
+class _Criterion(NamedTuple):
+    """What a setting minimizes: options, and costs that become terms."""
+
+    options: mm.TensionOptions
+    costs: tuple[RecruitmentOptions, ...]
+
+
 def measure_settings(folder: Path) -> Iterator[dict[str, object]]:
     """Yield a row for every walk and setting.
 
     No setting sees EMG, and the delay is the same for all.
     """
-    for walk in (
-        *(make(folder) for make in WALKS),
-        *(implant(folder, stride) for stride in STRIDES),
-    ):
-        start, stop = walk.tested
-        walk = replace(walk, tested=(start, min(stop, start + SECONDS)))
+    for walk in _walks(folder):
         motion, torques = walk.part(walk.tested)
         emg = _measured(walk, motion.time)
         wrenches = mm.resample_wrenches(walk.wrenches, motion.time)
-        asked = {name: (options, (EFFORT_ALONE,)) for name, options in SETTINGS.items()}
-        asked |= {name: (mm.TensionOptions(), (loads,)) for name, loads in LOADS.items()}
-        hips = ",".join(joint.name for joint in walk.model.joints if "hip" in joint.name)
-        knees = RecruitmentOptions(KNEE_LOAD)
-        asked |= {
-            f"loads of knees, {KNEE_LOAD:g}, and hips, {weight:g}": (
-                mm.TensionOptions(),
-                (knees, RecruitmentOptions(weight, hips)),
-            )
-            for weight in HIPS
-        }
-        for name, (options, every_cost) in asked.items():
+        for name, criterion in _criteria(walk.model).items():
             terms = tuple(
                 term
-                for costs in every_cost
+                for costs in criterion.costs
                 for term in recruitment_terms(walk.model, motion, torques, wrenches, costs)
             )
             found = mm.solve_tension(
-                walk.model, motion, torques, options, recruitment=EFFORT_ALONE, terms=terms
+                walk.model,
+                motion,
+                torques,
+                criterion.options,
+                recruitment=EFFORT_ALONE,
+                terms=terms,
             )
-            fits = {channel: _fit(found, walk, channel, emg[channel]) for channel in walk.channels}
-            r, rms = zip(*fits.values(), strict=True)
-            both = [channel for channel in fits if _is_biarticular(walk, channel)]
-            yield {
-                "walk": walk.name,
-                "setting": name,
-                "frames": len(found),
-                "channels": len(r),
-                "correlation with EMG, mean": float(np.mean(r)),
-                "least": float(np.min(r)),
-                "RMS from EMG, mean": float(np.mean(rms)),
-                "correlation, biarticular": float(np.mean([fits[channel][0] for channel in both])),
-                "activation of these in silence": float(
-                    np.mean([_in_silence(found, walk, channel, emg[channel]) for channel in both])
-                ),
-                "largest activation, mean": float(np.nanmax(found.activation, axis=1).mean()),
-                "tension of all muscles, mean [kN]": float(found.muscle_force.sum(axis=1).mean())
-                / 1e3,
-                "not optimal": int((~found.optimal).sum()),
-            }
+            yield {"walk": walk.name, "setting": name} | _row(walk, found, emg)
+
+
+def _walks(folder: Path) -> Iterator[Walk]:
+    """Yield the walks, each tested for `SECONDS` at most."""
+    for make in WALKS:
+        yield _shortened(make(folder))
+    for stride in STRIDES:
+        yield _shortened(implant(folder, stride))
+
+
+def _shortened(walk: Walk) -> Walk:
+    start, stop = walk.tested
+    return replace(walk, tested=(start, min(stop, start + SECONDS)))
+
+
+def _criteria(model: mm.Model) -> dict[str, _Criterion]:
+    """Return what every setting minimizes, by its name."""
+    hips = ",".join(joint.name for joint in model.joints if "hip" in joint.name)
+    knees = RecruitmentOptions(KNEE_LOAD)
+    criteria = {name: _Criterion(options, (EFFORT_ALONE,)) for name, options in SETTINGS.items()}
+    for name, loads in LOADS.items():
+        criteria[name] = _Criterion(mm.TensionOptions(), (loads,))
+    for weight in HIPS:
+        name = f"loads of knees, {KNEE_LOAD:g}, and hips, {weight:g}"
+        costs = (knees, RecruitmentOptions(weight, hips))
+        criteria[name] = _Criterion(mm.TensionOptions(), costs)
+    return criteria
+
+
+def _row(walk: Walk, found: Tension, emg: Mapping[str, Array]) -> dict[str, object]:
+    fits = {channel: _fit(found, walk, channel, emg[channel]) for channel in walk.channels}
+    r, rms = zip(*fits.values(), strict=True)
+    both = [channel for channel in fits if _is_biarticular(walk, channel)]
+    silent = [_in_silence(found, walk, channel, emg[channel]) for channel in both]
+    return {
+        "frames": len(found),
+        "channels": len(r),
+        "correlation with EMG, mean": float(np.mean(r)),
+        "least": float(np.min(r)),
+        "RMS from EMG, mean": float(np.mean(rms)),
+        "correlation, biarticular": float(np.mean([fits[channel][0] for channel in both])),
+        "activation of these in silence": float(np.mean(silent)),
+        "largest activation, mean": float(np.nanmax(found.activation, axis=1).mean()),
+        "tension of all muscles, mean [kN]": float(found.muscle_force.sum(axis=1).mean()) / 1e3,
+        "not optimal": int((~found.optimal).sum()),
+    }
 
 
 def _measured(walk: Walk, time: Array) -> dict[str, Array]:

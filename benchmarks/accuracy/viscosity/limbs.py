@@ -6,7 +6,7 @@ Measured are the estimates, and how often intervals hold the truth.
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -19,7 +19,7 @@ from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.cohort import specimen_row
 from myomorph.swings.viscosity.identification.base_load import BaseLoad as BaseMass
 from myomorph.swings.viscosity.identification.identify import QUANTITIES_OF, is_narrow
-from myomorph.swings.viscosity.study.conditions import Prepared, identify_conditions
+from myomorph.swings.viscosity.study.conditions import Identified, Prepared, identify_conditions
 from myomorph.swings.viscosity.study.options import StudyOptions
 from myomorph.swings.viscosity.study.specimen_files import SpecimenFiles
 from myomorph.swings.viscosity.tracking.track import track
@@ -71,10 +71,10 @@ def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> L
     It is specified by its seed, its faults and its viscosity if that is not drawn.
     """
     threadpool_limits(1, "blas")
-    seed = given[0]
+    seed, faults, _ = given
     limb = faulty_limb(*given)
     settings: dict[str, dict[str, float]] = {"identification": {"level": level, "seed": seed}}
-    if given[1].attachments <= 0.0:
+    if faults.attachments <= 0.0:
         # Muscles that lie where the model has them: a laboratory that digitized them says so.
         settings["moment_arms"] = {"offset": 0.0}
     options = StudyOptions.of(settings)
@@ -82,52 +82,68 @@ def limb_run(given: tuple[int, Faults, float | None], level: float = LEVEL) -> L
     for name, trials in limb.trials.items():
         one = track(limb.known, trials, options.tracking)
         tracked[name] = Prepared(one, one.notes)
-    load = BaseMass()
-    if given[1].tared:
-        load = BaseMass((0.0, 0.0), (0.0, 2.0 * (given[1].loads[1] - given[1].loads[0])))
-    files = SpecimenFiles(str(seed), Path(), base_load=load)
+    files = SpecimenFiles(str(seed), Path(), base_load=_base_load(faults))
     result = identify_conditions(limb.known, files, tracked, options)
-    refused = [
-        QUANTITIES_OF[name][-1]
-        for name, one in result.by_swings.conditions.items()
-        if any(finding.kind == TOO_SMALL for finding in condition_findings(one))
-    ]
-    muscles = result.by_swings.muscles
-    if muscles is not None and not is_narrow(muscles.common):
-        refused.append("muscle_viscosity")
-    row = dict(specimen_row(result.found))
-    bare = result.conditions.get("without")
-    if result.found.without is not None and bare is not None:
-        row |= {
-            f"viscosity {axis}": value
-            for axis, value in zip(
-                bare.recordings[0].axes, result.found.without.axis_viscosity, strict=True
-            )
-        }
-    row |= {name: value for name, value in result.law.items() if name != "viscosity"}
-    laws = tuple(one.chosen.name for one in result.compared.values())
-    form = next(
-        (name.partition(" ")[0] for name in result.law if " " in name and name != DRY),
-        "one viscosity",
-    )
-    found = {name: row[name] for name in limb.truth if name in row and np.isfinite(row[name].high)}
-    findings = [
-        (finding.kind, finding.place, name)
-        for name, one in result.conditions.items()
-        for finding in one.findings
-    ]
-    if any("dry friction of" in note for note in result.found.notes):
-        findings.append(("dry friction", "joint", "without"))
+    row = _estimates(result)
     return LimbRun(
         seed=seed,
         truth=limb.truth,
-        found=found,
-        laws=laws,
-        refused=(*refused, *result.lost),
-        findings=tuple(findings),
+        found={
+            name: row[name] for name in limb.truth if name in row and np.isfinite(row[name].high)
+        },
+        laws=tuple(one.chosen.name for one in result.compared.values()),
+        refused=(*_refused(result), *result.lost),
+        findings=tuple(_findings(result)),
         slip=limb.slip,
-        form=form,
+        form=_form(result),
     )
+
+
+def _base_load(faults: Faults) -> BaseMass:
+    """Return what a laboratory states of the base's load: nothing, or bounds of a tared one."""
+    if not faults.tared:
+        return BaseMass()
+    without, intact = faults.loads
+    return BaseMass((0.0, 0.0), (0.0, 2.0 * (intact - without)))
+
+
+def _estimates(result: Identified) -> dict[str, Interval]:
+    """Return estimates with their intervals, by the names of `QUANTITIES`."""
+    row = dict(specimen_row(result.found))
+    bare = result.conditions.get("without")
+    without = result.found.without
+    if without is not None and bare is not None:
+        axes = bare.recordings[0].axes
+        for axis, value in zip(axes, without.axis_viscosity, strict=True):
+            row[f"viscosity {axis}"] = value
+    return row | {name: value for name, value in result.law.items() if name != "viscosity"}
+
+
+def _form(result: Identified) -> str:
+    """Return the form of the law, by the first word of its terms."""
+    return next(
+        (name.partition(" ")[0] for name in result.law if " " in name and name != DRY),
+        "one viscosity",
+    )
+
+
+def _refused(result: Identified) -> Iterator[str]:
+    """Yield quantities that the swings do not show."""
+    for name, one in result.by_swings.conditions.items():
+        if any(finding.kind == TOO_SMALL for finding in condition_findings(one)):
+            yield QUANTITIES_OF[name][-1]
+    muscles = result.by_swings.muscles
+    if muscles is not None and not is_narrow(muscles.common):
+        yield "muscle_viscosity"
+
+
+def _findings(result: Identified) -> Iterator[tuple[str, str, str]]:
+    """Yield kind, place and condition of what was found wrong."""
+    for name, one in result.conditions.items():
+        for finding in one.findings:
+            yield finding.kind, finding.place, name
+    if any("dry friction of" in note for note in result.found.notes):
+        yield "dry friction", "joint", "without"
 
 
 def limb_runs(

@@ -29,7 +29,7 @@ from myomorph.swings.viscosity.relaxed.identify import (
     LimbResult,
 )
 from myomorph.swings.viscosity.relaxed.swing_equation import swing_equation
-from myomorph.swings.viscosity.relaxed.swing_fit import fit_swings, guess, state_at
+from myomorph.swings.viscosity.relaxed.swing_fit import SwingFit, fit_swings, guess, state_at
 from myomorph.swings.viscosity.study.limb_step import study_limb
 
 Row = dict[str, object]
@@ -213,6 +213,18 @@ def child_drop(folder: Path) -> Drop:
     return drop
 
 
+class _Coefficients(NamedTuple):
+    """Of a law: viscosity, stiffness, torque at angle 0, and friction."""
+
+    d: float
+    k: float
+    s: float
+    c: float
+
+
+THEIR_LAW = _Coefficients(d=THEIRS[1], k=0.0, s=THEIRS[0], c=0.0)
+
+
 def measure_child() -> Iterator[Row]:
     """Fit the child's first half swings and predict the rest.
 
@@ -222,53 +234,56 @@ def measure_child() -> Iterator[Row]:
     if home is None or not (Path(home) / RECORDING).is_file():
         return
     drop = child_drop(Path(home))
+    yield from _predicted_rows(drop)
+    yield from _fitted_rows(drop)
+
+
+def _predicted_rows(drop: Drop) -> Iterator[Row]:
+    """Compare laws on the swings after the first half swings, from the state at their start."""
     time = drop.equation.time
     turns = drop.turns
     split = int(np.searchsorted(time[turns], time[turns[0]] + FIRST_PART))
     seen = replace(drop, used=np.arange(len(drop.used)) < split)
     rest = slice(int(turns[split]), int(turns[-1]))
-    whole = slice(int(turns[0]), int(turns[-1]))
     state = state_at(drop, rest.start)
-    fits = {
-        f"law of {' + '.join(terms)}, from the first {FIRST_PART:g} s": fit_swings([seen], terms)
-        for terms in (SPRUNG, (*SPRUNG, "coulomb"))
-    }
-    for name, fit in fits.items():
-        d, k, s, c = fit.law.coefficients[:4]
+    for terms in (SPRUNG, (*SPRUNG, "coulomb")):
+        fit = fit_swings([seen], terms)
         predicted = drop.equation.swing(rest.start, rest.stop, state[0], state[1], fit.law)
-        yield _child_row(name, float(d), float(k), float(s), float(c), drop, rest, predicted)
+        name = f"law of {' + '.join(terms)}, from the first {FIRST_PART:g} s"
+        yield _child_row(name, _coefficients(fit), drop, rest, predicted)
     tone, damping = THEIRS
     predicted = _their_swing(time[rest], state, tone, damping)
-    yield _child_row("the tutorial's, from all", damping, 0.0, tone, 0.0, drop, rest, predicted)
+    yield _child_row("the tutorial's, from all", THEIR_LAW, drop, rest, predicted)
+
+
+def _fitted_rows(drop: Drop) -> Iterator[Row]:
+    """Compare laws on all swings that they were fitted to."""
+    time = drop.equation.time
+    whole = slice(int(drop.turns[0]), int(drop.turns[-1]))
     every = fit_swings([drop], SPRUNG)
-    d, k, s, c = every.law.coefficients[:4]
     swung = drop.equation.swing(whole.start, whole.stop, *every.states[0], every.law)
-    yield _child_row(
-        "law of viscosity + stiffness, from all",
-        float(d),
-        float(k),
-        float(s),
-        float(c),
-        drop,
-        whole,
-        swung,
-    )
-    theirs = np.interp(time[whole], *_euler_swing(time, float(drop.measured[0]), tone, damping))
+    name = "law of viscosity + stiffness, from all"
+    yield _child_row(name, _coefficients(every), drop, whole, swung)
+    tone, damping = THEIRS
+    steps = _euler_swing(time, float(drop.measured[0]), tone, damping)
     name = "the tutorial's, from all, by its own steps"
-    yield _child_row(name, damping, 0.0, tone, 0.0, drop, whole, theirs)
+    yield _child_row(name, THEIR_LAW, drop, whole, np.interp(time[whole], *steps))
 
 
-def _child_row(
-    name: str, d: float, k: float, s: float, c: float, drop: Drop, part: slice, swung: Array
-) -> Row:
+def _coefficients(fit: SwingFit) -> _Coefficients:
+    d, k, s, c = fit.law.coefficients[:4]
+    return _Coefficients(d=float(d), k=float(k), s=float(s), c=float(c))
+
+
+def _child_row(name: str, law: _Coefficients, drop: Drop, part: slice, swung: Array) -> Row:
     errors = np.rad2deg(swung - drop.measured[part])
     time = drop.equation.time - drop.equation.time[0]
     return {
         "law": name,
-        "d [N m s/rad]": d,
-        "k [N m/rad]": k,
-        "torque at angle 0 [N m]": s,
-        "friction [N m]": c,
+        "d [N m s/rad]": law.d,
+        "k [N m/rad]": law.k,
+        "torque at angle 0 [N m]": law.s,
+        "friction [N m]": law.c,
         "predicted [s]": f"{time[part.start]:.2f} to {time[part.stop - 1]:.2f}",
         "error, RMS [deg]": float(np.sqrt(np.mean(errors**2))),
         "error, largest [deg]": float(np.abs(errors).max()),

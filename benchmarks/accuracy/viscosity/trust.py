@@ -6,7 +6,7 @@ They are which law acted, what a held-out swing shows, and what wrong moment arm
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
@@ -18,9 +18,14 @@ import myomorph as mm
 from myomorph.core.model.paths import PathPoint
 from myomorph.swings.simulate.laboratory import measured_markers, measured_wrench, simulate
 from myomorph.swings.simulate.shoulder import virtual_specimen
-from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.identification.identify import (
+    SpecimenViscosity,
+    ViscosityOptions,
+    identify_specimen,
+)
 from myomorph.swings.viscosity.specimen.model import Specimen
 from myomorph.swings.viscosity.swings.motion import lengthening, limb_motion
+from myomorph.swings.viscosity.swings.recording import SwingRecording
 from myomorph.swings.viscosity.tracking.track import track
 from myomorph.swings.viscosity.tracking.tracked import swing_recordings
 from myomorph.swings.viscosity.trust.cutoff import choose_cutoff, scan_cutoffs
@@ -28,6 +33,7 @@ from myomorph.swings.viscosity.trust.models import PassiveComparison, compare_pa
 from myomorph.swings.viscosity.trust.moment_arms import (
     OFFSET,
     MomentArmOptions,
+    MomentArmSpread,
     moment_arm_sensitivity,
 )
 from truths.mechanical_joint import (
@@ -152,38 +158,24 @@ def measure_attachments() -> Iterator[Row]:
     """
     made = virtual_specimen(1, full_size=True, trials=2, seconds=8.0)
     tracked = [track(made.specimen, one.swing_trials()) for one in (made.without, made.intact)]
-    without, intact = tracked
-    without = swing_recordings(without, CUTOFF)
-    intact = swing_recordings(intact, CUTOFF)
+    without, intact = [swing_recordings(one, CUTOFF) for one in tracked]
     found = identify_specimen("1", without, intact, options=ViscosityOptions(draws=2))
-    assert found.without is not None
-    assert found.intact is not None
-    parameters = found.intact.parameters
-    joint = found.without.viscosity.value
+    specimen = tracked[1].specimen
     motions = [mm.differentiate(one.motion, CUTOFF) for one in tracked[1].trials]
-    slopes = [limb_motion(tracked[1].specimen, motion).slopes for motion in motions]
     random = np.random.default_rng(0)
     for size in (2e-3, 4e-3, OFFSET):
         values = []
         changes = []
         for _ in range(24):
-            moved = _moved(tracked[1].specimen, size, random)
+            moved = _moved(specimen, size, random)
             arms = [
-                lengthening(moved, motion, slope)
-                for motion, slope in zip(motions, slopes, strict=True)
+                lengthening(moved, motion, limb_motion(specimen, motion).slopes)
+                for motion in motions
             ]
             changes += [(b - a.lengthening)[a.used] for a, b in zip(intact, arms, strict=True)]
-            other = [
-                replace(a, lengthening=np.nan_to_num(b)) for a, b in zip(intact, arms, strict=True)
-            ]
-            exact = moment_arm_sensitivity(
-                other, parameters, joint, MomentArmOptions(draws=2, offset=0.0)
-            )[0].exact
-            values.append(exact)
+            values.append(_exact(intact, arms, found))
         change = float(np.sqrt(np.mean([np.square(one).mean() for one in changes])))
-        offset = moment_arm_sensitivity(intact, parameters, joint, MomentArmOptions(offset=size))[
-            -1
-        ]
+        offset = _sensitivity(intact, found, MomentArmOptions(offset=size))[-1]
         yield {
             "attachments moved by, a component, SD [mm]": 1e3 * size,
             "moment arms change by, RMS [mm]": 1e3 * change,
@@ -193,6 +185,24 @@ def measure_attachments() -> Iterator[Row]:
                 f"{100 * offset.sd:.1f}, {100 * offset.bias:+.1f}"
             ),
         }
+
+
+def _exact(
+    intact: Sequence[SwingRecording], arms: Sequence[np.ndarray], found: SpecimenViscosity
+) -> float:
+    """Return d_M with other moment arms (frames, strands, axes) of each swing."""
+    other = [replace(a, lengthening=np.nan_to_num(b)) for a, b in zip(intact, arms, strict=True)]
+    return _sensitivity(other, found, MomentArmOptions(draws=2, offset=0.0))[0].exact
+
+
+def _sensitivity(
+    intact: Sequence[SwingRecording], found: SpecimenViscosity, options: MomentArmOptions
+) -> Sequence[MomentArmSpread]:
+    """Return how errors of moment arms change d_M, with the identified masses and joint."""
+    assert found.without is not None
+    assert found.intact is not None
+    joint = found.without.viscosity.value
+    return moment_arm_sensitivity(intact, found.intact.parameters, joint, options)
 
 
 def _moved(specimen: Specimen, size: float, random: np.random.Generator) -> Specimen:
