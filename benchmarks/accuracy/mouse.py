@@ -18,7 +18,7 @@ from myomorph.core.tension.dual import NOT_DETERMINED
 from myomorph.core.tension.tension import Tension
 from myomorph.lab.analysis.length_analysis import LengthAnalysis
 from myomorph.lab.analysis.strides import Strides
-from truths.mouse_commands import by_command
+from truths.mouse_commands import by_command, by_default
 from truths.mouse_hindlimb import FILE, mouse_hindlimb_model
 from truths.mouse_motion import (
     Mouse,
@@ -225,6 +225,7 @@ def measure_commands(folder: Path) -> Iterator[Row]:
     """
     if not recordings(folder):
         return
+    refused = by_default(folder)
     for name, one in by_command(folder).items():
         tension = one.tension
         posed = ~np.isnan(one.tension.balanced_torque).all(axis=1)
@@ -251,6 +252,7 @@ def measure_commands(folder: Path) -> Iterator[Row]:
                 (posed & ~tension.optimal & (tension.status != NOT_DETERMINED)).sum()
             ),
             "first line": one.line,
+            "by default": refused[name] or "solved",
         }
 
 

@@ -37,6 +37,7 @@ trials = ["{recording}"]
 tasks = "tasks.xml"
 steps = {steps}
 labels = {{ {labels} }}
+{contacts}
 """
 STEPS = ("calibrate", "ik", "id", "tension", "report")
 TASK = "<IKMarkerTask name='{}'><apply>true</apply><weight>{}</weight></IKMarkerTask>"
@@ -62,20 +63,22 @@ class ByCommand:
     warnings: tuple[str, ...]
 
 
-def write_study(folder: Path, data: Path) -> Path:
+def write_study(folder: Path, data: Path, contacts: str = "none") -> Path:
     """Write a study file of all recordings in a folder.
 
     The model and the weights of markers are next to it. Each animal is a subject; the groups are by
-    the marks in the files' names, whose meaning is not known.
+    the marks in the files' names, whose meaning is not known. `contacts`: "" for the default, which
+    refuses tensions of all of them.
     """
     model = both_hindlimbs(data)
     write_osim(model, folder / "mouse.osim")
     tasks = "".join(TASK.format(name, LOOSE.get(name, 1.0)) for name in model.marker_names)
     (folder / "tasks.xml").write_text(TASKS.format(tasks))
     labels = ", ".join(f'"{old}" = "{new}"' for old, new in GAIT_LABELS.items())
+    said = f'contacts = "{contacts}"' if contacts else ""
     recordings = {path.stem.split("_")[1]: path for path in gait_files(data)}
     subjects = [
-        SUBJECT.format(name=name, recording=path, steps=[*STEPS], labels=labels)
+        SUBJECT.format(name=name, recording=path, steps=[*STEPS], labels=labels, contacts=said)
         for name, path in recordings.items()
     ]
     marked = [name for name in recordings if (name == "none") is False]
@@ -114,3 +117,14 @@ def by_command(data: Path) -> Mapping[str, ByCommand]:
                 warnings=tuple(outcome.findings),
             )
     return found
+
+
+@lru_cache(maxsize=2)
+def by_default(data: Path) -> Mapping[str, str]:
+    """What stops the tensions of each recording where nothing is said of contacts, "" for nothing;
+    by the name of the animal.
+    """
+    with tempfile.TemporaryDirectory() as home:
+        study = read_plan(write_study(Path(home), data, contacts=""))
+        outcomes = run_study(study, Path(home) / "out")
+        return {outcome.folder.parent.name: outcome.error for outcome in outcomes if outcome.trial}

@@ -115,14 +115,14 @@ def test_sound_needs_instruments_and_strokes_of_known_impulse(model, tmp_path):
 
 
 def test_names_that_end_otherwise_are_refused(model, tmp_path):
-    with pytest.raises(BadFile, match=r"expected auto, \.csv or \.toml"):
+    with pytest.raises(BadFile, match=r"expected auto, none, \.csv or \.toml"):
         read_contacts(tmp_path / "contacts.json", model)
 
 
 def test_a_file_that_is_not_there_tells_what_is(tmp_path):
     written(tmp_path, SITE, "seat.toml")
     with pytest.raises(
-        BadFile, match=r"is no file; expected auto, \.csv or \.toml; .* has 'seat\.toml'"
+        BadFile, match=r"is no file; expected auto, none, \.csv or \.toml; .* has 'seat\.toml'"
     ):
         contact_files(tmp_path / "seet.toml")
 

@@ -23,7 +23,7 @@ from truths.mouse_recordings import GAIT_LABELS, both_hindlimbs
 RECORDING = "mouse-gait-c3d-force/Cage6_1R_12_01_26_trial_2.c3d"
 
 
-def study(folder, data, steps, more=""):
+def study(folder, data, steps, more="", contacts=""):
     data("mouse-hindlimb-muscles/mouse_hindlimb.json")
     recording = data(RECORDING)
     write_osim(both_hindlimbs(recording.parents[1]), folder / "mouse.osim")
@@ -37,6 +37,7 @@ def study(folder, data, steps, more=""):
         trials = ["{recording}"]
         steps = {steps}
         labels = {{ {labels} }}
+        {f'contacts = "{contacts}"' if contacts else ""}
         {more}
         """
     (folder / "study.toml").write_text("\n".join(line.strip() for line in text.splitlines()))
@@ -64,9 +65,11 @@ def test_strides_of_a_mouse_end_in_the_page(tmp_path, data):
 def test_a_leg_has_tensions_only_where_its_load_is_known(tmp_path, data):
     """Two hind paws and two forepaws on one plate.
 
-    What is left is solved, and its reserves are small.
+    What is left is solved, and its reserves are small. Most of the weight is nobody's, so that it
+    has to be asked for.
     """
-    plan = study(tmp_path, data, ["ik", "id", "tension"], "[options.ik]\npasses_only = true")
+    steps = ["ik", "id", "tension"]
+    plan = study(tmp_path, data, steps, "[options.ik]\npasses_only = true", contacts="none")
     outcome = run_study(plan, tmp_path / "out")[0]
     assert outcome.error == ""
     assert [text for text in outcome.findings if "the load on 'Foot_l' is not determined" in text]
@@ -91,6 +94,15 @@ def test_a_leg_has_tensions_only_where_its_load_is_known(tmp_path, data):
     np.testing.assert_array_equal(
         tension.status == STATUS_NAMES.index("not determined"), unknown.all(axis=1)
     )
+
+
+def test_a_mouse_whose_forepaws_nobody_measured_is_refused_by_name(tmp_path, data):
+    plan = study(tmp_path, data, ["ik", "id", "tension"], "[options.ik]\npasses_only = true")
+    outcome = run_study(plan, tmp_path / "out")[0]
+    assert outcome.done == ("ik", "id")
+    assert "do not carry the body of 0.02" in outcome.error
+    assert "come from nowhere at 'Pelvis'" in outcome.error
+    assert "--contacts none" in outcome.error
 
 
 def test_parts_that_show_enough_nowhere_are_named(tmp_path, data):

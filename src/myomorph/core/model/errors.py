@@ -162,6 +162,11 @@ def few(names: Iterable[str], most: int = 6) -> str:
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
+def whole(value: float) -> str:
+    """Write a whole number, or two digits of one below 1, as forces of small animals are."""
+    return f"{value:.0f}" if abs(value) >= 1.0 else f"{value:.2g}"
+
+
 def counted(count: int, noun: str) -> str:
     """Write a number of things: "1 frame", "2 frames"."""
     ending = "es" if noun.endswith("ch") else "s"

@@ -23,7 +23,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import CONTACTS
 from myomorph.core.model.contacts import Cone, Site
-from myomorph.core.model.errors import BadData, counted
+from myomorph.core.model.errors import BadData, counted, whole
 from myomorph.core.model.gravity import FORCE_ERROR, gravity_of, gravity_of_share
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND
@@ -124,9 +124,9 @@ def missing_words(touching: Sequence[str], force: Array, moment: Array, up: Arra
         way = "upward"
     elif upward < -0.7 * size:
         way = "downward"
-    needed = f"a moment of {torque:.0f} N m is needed"
+    needed = f"a moment of {whole(torque)} N m is needed"
     if size >= torque:
-        needed = f"{size:.0f} N {way} are needed"
+        needed = f"{whole(size)} N {way} are needed"
     if not touching:
         return f"no site may touch, but {needed}"
     return f"sites that touch cannot carry the motion, {needed} beside them"
@@ -146,14 +146,14 @@ def _words(allowance: Allowance) -> str:
     if allowance.kind == "friction" and np.isfinite(allowance.needed):
         return f"friction of {allowance.needed:.2f} at '{allowance.where}'"
     if allowance.kind == "friction":
-        return f"{allowance.force:.0f} N across the cone of '{allowance.where}'"
+        return f"{whole(allowance.force)} N across the cone of '{allowance.where}'"
     if allowance.kind == "most":
-        return f"{allowance.force:.0f} N more at '{allowance.where}' than its greatest force"
+        return f"{whole(allowance.force)} N more at '{allowance.where}' than its greatest force"
     if allowance.kind == "pull":
-        return f"a pull of {allowance.force:.0f} N at '{allowance.where}'"
+        return f"a pull of {whole(allowance.force)} N at '{allowance.where}'"
     if allowance.force >= allowance.moment:
-        return f"{allowance.force:.0f} N at '{allowance.where}' from nowhere"
-    return f"{allowance.moment:.0f} N m at '{allowance.where}' from nowhere"
+        return f"{whole(allowance.force)} N at '{allowance.where}' from nowhere"
+    return f"{whole(allowance.moment)} N m at '{allowance.where}' from nowhere"
 
 
 class Roots:

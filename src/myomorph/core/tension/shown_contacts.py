@@ -20,7 +20,7 @@ from myomorph.core.contact.alone import AloneOnPlates
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import CONTACTS_OPEN
 from myomorph.core.model.contacts import Site
-from myomorph.core.model.errors import few
+from myomorph.core.model.errors import few, whole
 from myomorph.core.model.findings import Finding
 from myomorph.core.tension.certificates import ContactIntervals
 
@@ -141,11 +141,11 @@ def open_contact_findings(contacts: Sequence[OpenContact]) -> tuple[Finding, ...
         return ()
     worst = max(contacts, key=lambda contact: contact.error)
     names = few([contact.group for contact in contacts])
-    wide = f"{worst.error:.0f} N" if np.isfinite(worst.error) else "any amount"
+    wide = f"{whole(worst.error)} N" if np.isfinite(worst.error) else "any amount"
     text = CONTACTS_OPEN.message(
         f"nothing is known of the contact forces of {names}: what the data allow varies by"
         f" {wide} (standard deviation, '{worst.group}'), the estimate over time by"
-        f" {worst.variation:.0f} N; a constant would do as well. Measure some of them (--loads,"
+        f" {whole(worst.variation)} N; a constant would do as well. Measure some of them (--loads,"
         " --measured), or EMG of all muscles that cross their joints",
         size=worst.error if np.isfinite(worst.error) else None,
     )

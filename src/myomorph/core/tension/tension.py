@@ -11,7 +11,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import CONTACTS, PASSIVE
 from myomorph.core.model.contacts import ContactForces
-from myomorph.core.model.errors import BadData, check_choices
+from myomorph.core.model.errors import BadData, check_choices, whole
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.labelled import Labelled
@@ -474,9 +474,9 @@ def missing_support(
         return ()
     worst = int(np.nanargmax(residuals))
     text = CONTACTS.message(
-        f"contacts cannot carry the motion: forces of {size:.0f} N (root mean square;"
-        f" {residuals[worst]:.0f} N at {tension.time[worst]:.2f} s) come from nowhere, beside a"
-        f" weight of {weight:.0f} N: believe neither contact forces nor torques and tensions (is a"
+        f"contacts cannot carry the motion: forces of {whole(size)} N (root mean square;"
+        f" {whole(residuals[worst])} N at {tension.time[worst]:.2f} s) come from nowhere, beside a"
+        f" weight of {whole(weight)} N: believe neither contact forces nor torques and tensions (is a"
         " support missing, --contacts, or the motion too noisy, --cutoff?)",
         size=float(residuals[worst]),
     )

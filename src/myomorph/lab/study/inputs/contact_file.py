@@ -43,7 +43,7 @@ from myomorph.lab.store.results import file_source, value_source
 from myomorph.lab.store.settings import Measured
 from myomorph.lab.store.study_file import Strict, checked
 from myomorph.lab.store.toml_file import read_toml, refuse
-from myomorph.lab.study.inputs.contacts import ContactsFile
+from myomorph.lab.study.inputs.contacts import NONE, ContactsFile, NothingTouches
 from myomorph.lab.study.inputs.input import Opened, Opening
 from myomorph.lab.study.inputs.loads import LoadsFile
 from myomorph.lab.study.inputs.motion import MotionFile
@@ -151,6 +151,8 @@ def opened(settings: ContactsFile, opening: Opening) -> Opened:
     """Read what is known of the contacts of a trial."""
     if not settings.contacts:
         return Opened()
+    if settings.contacts == NONE:
+        return Opened((NothingTouches(),), contact_sources(settings))
     loads = opening.settings.or_default(LoadsFile).loads
     if (
         settings.measured == "shared"
@@ -166,7 +168,7 @@ def opened(settings: ContactsFile, opening: Opening) -> Opened:
 def contact_sources(settings: ContactsFile) -> tuple[Source, ...]:
     """List the sources of contacts as inputs by their hashes."""
     source = value_source("contacts", settings.contacts, settings.contacts, settings.measured)
-    if settings.contacts == AUTO:
+    if settings.contacts in (AUTO, NONE):
         return (source,)
     return source, *(
         file_source("contacts", path) for path in contact_files(Path(settings.contacts))
@@ -201,7 +203,7 @@ def read_contacts(
         raise BadFile(
             path,
             f"is no file of contacts: its name ends in '{path.suffix}'",
-            "expected auto, .csv or .toml",
+            "expected auto, none, .csv or .toml",
         )
     found, problems = checked(_ContactFile, read_toml(path))
     if found is None:
@@ -251,7 +253,7 @@ def contact_files(path: Path) -> tuple[Path, ...]:
         near = [one.name for one in path.parent.glob("*") if one.suffix in (".csv", ".toml")]
         beside = listing(path.name, near) if near else "none of these"
         raise BadFile(
-            path, "is no file", f"expected auto, .csv or .toml; {path.parent} has {beside}"
+            path, "is no file", f"expected auto, none, .csv or .toml; {path.parent} has {beside}"
         )
     if path.suffix.lower() != ".toml":
         return (path,)

@@ -127,7 +127,7 @@ def _are_shared(opening: Opening) -> bool:
     Only what needs no foot of a force is then checked and corrected.
     """
     contacts = opening.settings.get(ContactsFile)
-    if contacts is None or not contacts.contacts:
+    if contacts is None or not contacts.estimated:
         return False
     return opening.values[ContactPlan].measured == "shared"
 

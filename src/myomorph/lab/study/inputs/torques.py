@@ -138,7 +138,7 @@ def _open(settings: TorquesFile, opening: Opening) -> Opened:
             others.or_default(LoadsFile).loads
         ),
         "contacts: forces of contacts are found with inverse dynamics, so leave the torques out": (
-            others.or_default(ContactsFile).contacts
+            others.or_default(ContactsFile).estimated
         ),
         (
             "joint reactions or contact points: loads of joints need the external forces, so give"

@@ -48,6 +48,7 @@ from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.refined import RefinedMotion
 from myomorph.lab.study.inputs.torques import RecordedTorques
 from myomorph.lab.study.trial.default_filter import ChosenFilter, chosen_filter, cutoff_of
+from myomorph.lab.study.trial.root_support import with_default_contacts
 from myomorph.lab.study.trial.steps.drawn_quantities import (
     DrawnTable,
     Strength,
@@ -398,6 +399,8 @@ def chain_of(
         )
     if torques is None and tense:
         torques = solve_dynamics(trial, recorded)
+    if torques is not None and tense:
+        trial = with_default_contacts(trial, torques).trial
     external = trial.get(ExternalLoads)
     loads = None if external is None else external.of(recorded)
     plates = None if external is None else external.as_measured(recorded)

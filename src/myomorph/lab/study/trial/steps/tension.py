@@ -94,6 +94,7 @@ from myomorph.lab.study.trial.joint_contact_step import (
 )
 from myomorph.lab.study.trial.joint_force import carried_tension, write_reactions
 from myomorph.lab.study.trial.measured_force import put_measured
+from myomorph.lab.study.trial.root_support import refuse_missing_support, with_default_contacts
 from myomorph.lab.study.trial.static_load_step import write_static_loads
 from myomorph.lab.study.trial.steps.id import (
     Torques,
@@ -149,12 +150,14 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     What was found is written.
     """
     dynamics = torques or _solved_dynamics(trial, poses, output)
+    supported = with_default_contacts(trial, dynamics)
+    trial = supported.trial
     task = task_of(trial, poses.recorded, dynamics)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
         tension, solution = task.solved(advance)
     if task.setting is None:
         tension = without_unmeasured_limbs(tension, trial.model, dynamics.wrenches, _driven(task))
-    notes = task.notes(tension) + (() if torques is not None else dynamics.notes)
+    notes = supported.notes + task.notes(tension) + (() if torques is not None else dynamics.notes)
     _write_tension(tension, task, output)
     points = trial.get(JointPoints)
     strides = (
@@ -237,6 +240,7 @@ def _with_contacts(
     tension = found.tension
     situation = trial.inputs[ContactPlan].situation
     loads, carried = _write_contacts(task, tension, situation, output)
+    refuse_missing_support(trial, task.motion, loads)
     notes = found.notes + task.setting.notes
     infeasible: tuple[Message, ...] = ()
     unknown: tuple[Finding, ...] = ()
@@ -460,6 +464,11 @@ def _read(stored: Stored, options: OptionSet) -> Tensions | None:
     return Tensions(tension, carried=carried, findings=get_findings(stored, FINDINGS))
 
 
+def _without_contacts(trial: TrialInputs) -> bool:
+    """Tell whether no contact force can be asked for, not even by default."""
+    return trial.get(ContactPlan) is None and trial.get(ExternalLoads) is None
+
+
 def _hashed(trial: TrialInputs) -> Sequence[object]:
     """Return options of contacts and EMG where a trial has them.
 
@@ -469,7 +478,7 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
     chosen = (
         options.get(TensionOptions),
         options[RecruitmentOptions],
-        None if trial.get(ContactPlan) is None else options.get(ContactOptions),
+        None if _without_contacts(trial) else options.get(ContactOptions),
         None if trial.get(RecordedEmg) is None else options.get(EmgOptions),
     )
     return (
