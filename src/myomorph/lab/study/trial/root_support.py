@@ -27,7 +27,6 @@ from myomorph.lab.analysis.selection import root_coordinates
 from myomorph.lab.report.trial.summary_lines import plain
 from myomorph.lab.study.inputs.contacts import NothingTouches
 from myomorph.lab.study.inputs.loads import ExternalLoads
-from myomorph.lab.study.trial.steps.id import Torques
 from myomorph.lab.study.trial.trial_inputs import JoinedParts, TrialInputs
 
 MAX_LEFT = 0.1
@@ -165,7 +164,9 @@ class Supported:
     notes: tuple[Message, ...] = ()
 
 
-def with_default_contacts(trial: TrialInputs, dynamics: Torques) -> Supported:
+def with_default_contacts(
+    trial: TrialInputs, motion: Motion, wrenches: Wrenches | None
+) -> Supported:
     """Estimate forces off the plates where measured ones do not carry the body.
 
     They act under the feet, and under the pelvis of somebody who sits.
@@ -173,7 +174,8 @@ def with_default_contacts(trial: TrialInputs, dynamics: Torques) -> Supported:
     Parameters
     ----------
     trial : as it was given
-    dynamics : torques under the measured forces
+    motion : with rates
+    wrenches : measured forces at the same times, None for none
 
     Returns
     -------
@@ -186,10 +188,10 @@ def with_default_contacts(trial: TrialInputs, dynamics: Torques) -> Supported:
     plan = trial.get(ContactPlan)
     if not _is_open(trial, plan):
         return Supported(trial)
-    support = lacking_support(trial.model, dynamics.motion, dynamics.wrenches)
+    support = lacking_support(trial.model, motion, wrenches)
     if support is None:
         return Supported(trial)
-    seat = _seat(trial.model, dynamics.motion, support)
+    seat = _seat(trial.model, motion, support)
     if plan is not None and not seat:
         return Supported(trial)
     try:
@@ -206,7 +208,7 @@ def with_default_contacts(trial: TrialInputs, dynamics: Torques) -> Supported:
         times=support.missing,
     )
     if plan is None:
-        shared = _are_shared(trial, dynamics.wrenches)
+        shared = _are_shared(trial, wrenches)
         plan = ContactPlan(measured="shared" if shared else "exact")
     surfaces = FrozenMap(dict.fromkeys(site.name for site in seat))
     return Supported(trial.having(replace(plan, sites=seat, surfaces=surfaces)), (note,))
@@ -214,7 +216,7 @@ def with_default_contacts(trial: TrialInputs, dynamics: Torques) -> Supported:
 
 def _is_open(trial: TrialInputs, plan: ContactPlan | None) -> bool:
     """Tell whether nobody named the contacts, and no other body carries this one."""
-    if any(trial.get(kind) is not None for kind in (NothingTouches, JoinedParts)):
+    if trial.get(NothingTouches) is not None or trial.get(JoinedParts) is not None:
         return False
     if plan is None:
         return True
@@ -251,7 +253,9 @@ def refuse_missing_support(trial: TrialInputs, motion: Motion, loads: Wrenches) 
     """
     plan = trial.get(ContactPlan)
     measured = trial.get(ExternalLoads)
-    if plan is None or measured is None or plan.measured == "hidden" or trial.get(JoinedParts):
+    if plan is None or measured is None or plan.measured == "hidden":
+        return
+    if trial.get(JoinedParts) is not None:
         return
     support = lacking_support(trial.model, motion, loads)
     if support is not None:

@@ -400,7 +400,7 @@ def chain_of(
     if torques is None and tense:
         torques = solve_dynamics(trial, recorded)
     if torques is not None and tense:
-        trial = with_default_contacts(trial, torques).trial
+        trial = with_default_contacts(trial, torques.motion, torques.wrenches).trial
     external = trial.get(ExternalLoads)
     loads = None if external is None else external.of(recorded)
     plates = None if external is None else external.as_measured(recorded)

@@ -150,7 +150,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     What was found is written.
     """
     dynamics = torques or _solved_dynamics(trial, poses, output)
-    supported = with_default_contacts(trial, dynamics)
+    supported = with_default_contacts(trial, dynamics.motion, dynamics.wrenches)
     trial = supported.trial
     task = task_of(trial, poses.recorded, dynamics)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
