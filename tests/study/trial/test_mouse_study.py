@@ -28,6 +28,7 @@ def study(folder, data, steps, more="", contacts=""):
     recording = data(RECORDING)
     write_osim(both_hindlimbs(recording.parents[1]), folder / "mouse.osim")
     labels = ", ".join(f'"{old}" = "{new}"' for old, new in GAIT_LABELS.items())
+    said = f'contacts = "{contacts}"' if contacts else ""
     text = f"""
         [study]
         name = "mouse"
@@ -37,7 +38,7 @@ def study(folder, data, steps, more="", contacts=""):
         trials = ["{recording}"]
         steps = {steps}
         labels = {{ {labels} }}
-        {f'contacts = "{contacts}"' if contacts else ""}
+        {said}
         {more}
         """
     (folder / "study.toml").write_text("\n".join(line.strip() for line in text.splitlines()))

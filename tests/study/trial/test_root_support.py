@@ -30,7 +30,7 @@ TIME = ("--time", 1.0, 3.0, "--cutoff", 6)
 
 @pytest.fixture(scope="module")
 def walk():
-    """A simulated walk, its motion with rates, and forces at its times."""
+    """Simulate a walk: its motion with rates, and forces at its times."""
     sample = mm.sample("walk")
     motion = mm.differentiate(sample.truth[COORDINATE_VALUE.name], cutoff=6.0)
     return SimpleNamespace(

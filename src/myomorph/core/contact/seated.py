@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.model import Model
+from myomorph.core.model.model import Body, Model
 from myomorph.core.model.segments import segments_of
 from myomorph.core.model.series import Motion
 from myomorph.core.rigid.kinematics import Poses, forward_kinematics
@@ -33,31 +33,40 @@ def is_seated(model: Model, motion: Motion, frames: NDArray[np.bool_]) -> bool:
     -------
     False for a body without thighs, shanks or a trunk
     """
-    if not frames.any():
-        return False
-    segments = segments_of(model)
-    joints = {joint.child: joint.parent for joint in model.joints}
-    hips = [
-        name
-        for name, parent in joints.items()
-        if segments[name].name == "thigh" and segments.get(parent) is not None
-        if segments[parent].name != "thigh"
-    ]
-    shanks = {parent: name for name, parent in joints.items() if segments[name].name == "shank"}
-    trunks = [body for body in model.bodies if segments[body.name].name == "upper_trunk"]
-    pairs = [(thigh, shanks[thigh]) for thigh in hips if thigh in shanks]
-    if not pairs or not trunks:
+    legs = _legs(model)
+    trunk = _trunk(model)
+    if not frames.any() or not legs or trunk is None:
         return False
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion)[frames])
-    place = {name: _origins(poses, tree.body_index[name]) for pair in pairs for name in pair}
-    thighs = np.mean([_cosine(place[hip] - place[knee], model.up) for hip, knee in pairs], axis=0)
-    trunk = max(trunks, key=lambda body: body.mass)
+    hips = [_origins(poses, tree.body_index[thigh]) for thigh, _ in legs]
+    knees = [_origins(poses, tree.body_index[shank]) for _, shank in legs]
+    thighs = np.mean(
+        [_cosine(hip - knee, model.up) for hip, knee in zip(hips, knees, strict=True)], axis=0
+    )
     number = np.array([tree.body_index[trunk.name]], np.int64)
     chest = poses.points(number, trunk.mass_center[None])[:, 0]
-    middle = np.mean([place[hip] for hip, _ in pairs], axis=0)
-    upright = _cosine(chest - middle, model.up)
+    upright = _cosine(chest - np.mean(hips, axis=0), model.up)
     return bool(np.mean((np.abs(thighs) < LEVEL) & (upright > UPRIGHT)) > 0.5)
+
+
+def _legs(model: Model) -> list[tuple[str, str]]:
+    """Find thighs on the pelvis, each with its shank."""
+    segments = segments_of(model)
+    parents = {joint.child: joint.parent for joint in model.joints}
+    shanks = {parent: name for name, parent in parents.items() if segments[name].name == "shank"}
+    return [
+        (name, shanks[name])
+        for name, parent in parents.items()
+        if segments[name].name == "thigh" and name in shanks and parent not in shanks
+    ]
+
+
+def _trunk(model: Model) -> Body | None:
+    """Find the heaviest body of the upper trunk, None for none."""
+    segments = segments_of(model)
+    trunks = [body for body in model.bodies if segments[body.name].name == "upper_trunk"]
+    return max(trunks, key=lambda body: body.mass, default=None)
 
 
 def _origins(poses: Poses, number: int) -> Array:

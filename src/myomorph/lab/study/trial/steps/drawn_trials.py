@@ -361,6 +361,13 @@ def every(step: int, torques: Torques) -> Torques:
     return Torques(torques.motion.frames(some), torques.torques.frames(some), wrenches)
 
 
+def _supported(trial: TrialInputs, torques: Torques | None) -> TrialInputs:
+    """Return the trial with contacts where forces do not carry the body, as its tensions have."""
+    if torques is None:
+        return trial
+    return with_default_contacts(trial, torques.motion, torques.wrenches).trial
+
+
 def chain_of(
     trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool, thin: bool
 ) -> Chain:
@@ -399,8 +406,7 @@ def chain_of(
         )
     if torques is None and tense:
         torques = solve_dynamics(trial, recorded)
-    if torques is not None and tense:
-        trial = with_default_contacts(trial, torques.motion, torques.wrenches).trial
+    trial = _supported(trial, torques if tense else None)
     external = trial.get(ExternalLoads)
     loads = None if external is None else external.of(recorded)
     plates = None if external is None else external.as_measured(recorded)
