@@ -121,8 +121,11 @@ def by_command(data: Path) -> Mapping[str, ByCommand]:
 
 @lru_cache(maxsize=2)
 def by_default(data: Path) -> Mapping[str, str]:
-    """What stops the tensions of each recording where nothing is said of contacts, "" for nothing;
-    by the name of the animal.
+    """Find what stops the tensions of each recording where nothing is said of contacts.
+
+    Returns
+    -------
+    error by the name of the animal, "" for none
     """
     with tempfile.TemporaryDirectory() as home:
         study = read_plan(write_study(Path(home), data, contacts=""))
