@@ -152,20 +152,15 @@ def _definition(module: str, name: str) -> tuple[Definition, ...]:
     for node in _tree(module).body:
         if isinstance(node, ast.ClassDef) and node.name == name:
             return ((module, name),)
-        if name in _assigned(node):
+        if isinstance(node, ast.Assign | ast.AnnAssign) and name in _assigned(node):
             parts = _parts(node.value)
             return tuple(kind for part in parts for kind in _classes(module, ast.unparse(part)))
     return ()
 
 
-def _assigned(node: ast.stmt) -> set[str]:
-    """Return the names that a statement gives a value."""
-    if isinstance(node, ast.Assign):
-        targets = node.targets
-    elif isinstance(node, ast.AnnAssign):
-        targets = [node.target]
-    else:
-        targets = []
+def _assigned(node: ast.Assign | ast.AnnAssign) -> set[str]:
+    """Return the names that an assignment gives a value."""
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target]
     return {target.id for target in targets if isinstance(target, ast.Name)}
 
 

@@ -192,7 +192,9 @@ def _mujoco_torques(walk: Walk, tension: Tension) -> Array:
     """(frames, free) what MuJoCo's muscles give in the recorded states [N m or N]."""
     copy = walk.copy
     torques = np.empty(walk.arms.shape[::2])
-    arms = copy.lengths_and_arms(walk.there)[1]
+    # Wrapping muscles remember their side: each frame is reached from the one before.
+    route = np.arange(-1, len(walk.motion) - 1)
+    arms = copy.lengths_and_arms(walk.there, route)[1]
     for frame in range(len(walk.motion)):
         _start(walk, frame)
         copy.d.act[:] = tension.activation[frame]

@@ -15,6 +15,7 @@ from data_collection import data_folder
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.exchange.mujoco.copy import MujocoCopy
 from myomorph.exchange.mujoco.export import in_copy, mujoco_model
+from myomorph.exchange.mujoco.joints import routes
 
 INK = "#222222"
 GREY = "#bbbbbb"
@@ -52,7 +53,8 @@ def draw_arms(file: Path) -> None:
     model = mm.read_model(path)
     angles = np.linspace(-2.0, 0.0, POSES)
     poses = np.tile(compile_tree(model).defaults, (POSES, 1))
-    poses[:, model.coordinate_names.index(KNEE)] = angles
+    knee = model.coordinate_names.index(KNEE)
+    poses[:, knee] = angles
     motion = mm.differentiate(mm.Motion(angles - angles[0], model.coordinate_names, poses))
     ours = mm.muscle_kinematics(model, motion)
     with tempfile.TemporaryDirectory() as name:
@@ -60,7 +62,8 @@ def draw_arms(file: Path) -> None:
         mm.write_mjcf(model, copied)
         made, _, _ = mujoco_model(model)
         copy = MujocoCopy(copied, made)
-        _, arms = copy.lengths_and_arms(in_copy(made, model, poses))
+        route = routes(model, poses, np.full(POSES, knee))
+        _, arms = copy.lengths_and_arms(in_copy(made, model, poses), route)
     with page(file, 1, len(MUSCLES), (9.0, 2.6), span=(0.0, 0.88)) as (figure, axes):
         for axis, muscle in zip(axes, MUSCLES, strict=True):
             theirs = arms[:, model.muscle_names.index(muscle), copy.free.index(KNEE)]

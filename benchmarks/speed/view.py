@@ -21,7 +21,6 @@ from tests.browser import Browser, browser_program
 
 from myomorph.lab.study.trial.viewing import open_replay
 from myomorph.lab.viewer.replay import Replay
-from myomorph.show.demo.demos import demo_model
 
 ROUNDS = 5
 SECONDS = 10.0
@@ -97,7 +96,7 @@ def started(result: Path, browser: Browser | None) -> list[Row]:
 
 def played(result: Path, browser: Browser | None) -> Row:
     """Frames a second that are sent, what each costs, and how many the browser draws."""
-    replay = open_replay([result], demo_model=demo_model)
+    replay = open_replay([result])
     address = f"http://127.0.0.1:{replay.port}"
     try:
         if browser is not None:
