@@ -61,7 +61,8 @@ def moco_inverse(folder: Path, start: float, end: float, dynamics: bool = False)
     """
     kept = os.environ.get("MYOMORPH_MOCO_RESULTS")
     root = Path(kept) if kept else Path(tempfile.gettempdir()) / "myomorph-moco"
-    place = root / f"rajagopal-{start:g}-{end:g}-{'excitations' if dynamics else 'activations'}"
+    controls = "excitations" if dynamics else "activations"
+    place = root / f"rajagopal-{start:g}-{end:g}-{controls}"
     if not (place / "found.json").exists():
         place.mkdir(parents=True, exist_ok=True)
         _solve(folder, place, start, end, dynamics)

@@ -65,11 +65,10 @@ def table(namespace: str) -> str:
         where there is no such namespace
     """
     module = namespaces()[namespace]
-    rows = (
-        f"| `{namespace}.{name}` |"
-        f" {first_sentence(getattr(module, name)).replace('|', chr(92) + '|')} |"
-        for name in names_of(module)
-    )
+    rows = []
+    for name in names_of(module):
+        sentence = first_sentence(getattr(module, name)).replace("|", r"\|")
+        rows.append(f"| `{namespace}.{name}` | {sentence} |")
     return "\n".join(("| name | what it is |", "| --- | --- |", *rows))
 
 

@@ -168,7 +168,7 @@ def missing_data(page: Path) -> str:
 
 
 def main(words: list[str]) -> int:
-    """Write notebooks, or run them and say what came of each; the exit status."""
+    """Write notebooks, or run them and print the outcome of each; the exit status."""
     verb = words[0]
     folder = Path(words[1])
     names = words[2:]
@@ -190,11 +190,11 @@ def main(words: list[str]) -> int:
         begun = time.perf_counter()
         try:
             run_notebook(page, place)
-            told = "ran"
+            outcome = "ran"
         except AssertionError as error:
             failed += 1
-            told = f"FAILED: {error}"
-        sys.stdout.write(f"{page.stem}: {told} ({time.perf_counter() - begun:.0f} s)\n")
+            outcome = f"FAILED: {error}"
+        sys.stdout.write(f"{page.stem}: {outcome} ({time.perf_counter() - begun:.0f} s)\n")
         sys.stdout.flush()
     return 1 if failed else 0
 

@@ -112,7 +112,8 @@ def modules(room: str) -> list[Path]:
 
 def page_of(module: Path) -> str:
     """Where a module's page lies in the site."""
-    return f"reference/{module.relative_to(PACKAGE).with_suffix('.md').as_posix()}"
+    page = module.relative_to(PACKAGE).with_suffix(".md")
+    return f"reference/{page.as_posix()}"
 
 
 def module_page(module: Path) -> str:

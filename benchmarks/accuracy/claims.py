@@ -32,7 +32,7 @@ class Claim:
 
 def claims() -> tuple[Claim, ...]:
     """List the lines of the front page in their order."""
-    return (*_of_programs(), *_of_persons(), *_of_known_truths())
+    return (*_of_programs(), *_of_measured_bodies(), *_of_measured_forces(), *_of_known_truths())
 
 
 def _of_programs() -> tuple[Claim, ...]:
@@ -104,8 +104,8 @@ def _of_programs() -> tuple[Claim, ...]:
     )
 
 
-def _of_persons() -> tuple[Claim, ...]:
-    """Claims that recordings of persons decide."""
+def _of_measured_bodies() -> tuple[Claim, ...]:
+    """Claims that measured persons' models decide."""
     return (
         Claim(
             text="Live activations, RMS",
@@ -135,6 +135,12 @@ def _of_persons() -> tuple[Claim, ...]:
             target="",
             against="exact NNLS",
         ),
+    )
+
+
+def _of_measured_forces() -> tuple[Claim, ...]:
+    """Claims that measured forces, torques and EMG decide."""
+    return (
         Claim(
             text="Hidden plates: vertical force [% of range]",
             table="hidden_plates",
@@ -324,7 +330,8 @@ def _within(
 ) -> Callable[[Table], str]:
     def text(rows: Table) -> str:
         values = _values(rows, column, only)
-        return f"{sum(one <= limit for one in values)} of {len(values)} (worst {max(values):.3g})"
+        count = sum(one <= limit for one in values)
+        return f"{count} of {len(values)} (worst {max(values):.3g})"
 
     return text
 
@@ -346,7 +353,11 @@ def _total(column: str) -> Callable[[Table], str]:
 
 
 def _share(column: str, holds: Callable[[str], bool]) -> Callable[[Table], str]:
-    return lambda rows: f"{sum(holds(row[column]) for row in rows)} of {len(rows)}"
+    def text(rows: Table) -> str:
+        count = sum(holds(row[column]) for row in rows)
+        return f"{count} of {len(rows)}"
+
+    return text
 
 
 def _pairs(ours: str, theirs: str, factor: float) -> Callable[[Table], str]:
@@ -376,6 +387,7 @@ def _counted(column: str, only: Mapping[str, str]) -> Callable[[Table], str]:
             row[column] for row in rows if all(row[name] == cell for name, cell in only.items())
         ]
         pairs = [[int(one) for one in re.findall(r"(\d+) of (\d+)", cell)[0]] for cell in cells]
-        return f"{sum(a for a, _ in pairs)} of {sum(b for _, b in pairs)}"
+        counts, totals = zip(*pairs, strict=True)
+        return f"{sum(counts)} of {sum(totals)}"
 
     return text

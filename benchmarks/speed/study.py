@@ -171,7 +171,7 @@ def measured(study: Path, out: Path, hands: LocalWorkers | DaskWorkers, few: boo
     left = len(ends) - skipped
     steps = sum(seconds for one in outcomes for _, seconds in one.timed) / len(outcomes)
     return {
-        "run": f"{count} worker{'s' if count > 1 else ''}",
+        "run": "1 worker" if count == 1 else f"{count} workers",
         "trials": len(outcomes),
         "trials/s": left / took,
         "first trial after [s]": ends[0] - began,

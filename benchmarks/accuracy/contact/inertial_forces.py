@@ -153,12 +153,11 @@ def measure_intervals(folder: Path) -> Iterator[Row]:
             knee = f"{KNEES[side]}_moment"
             loaded = np.maximum(force[:, 1], high[f"{foot}y"]) > 0.05 * hidden.weight
             truths = {
-                f"{AXES[axis]} [% weight]": (f"{foot}{'xyz'[axis]}", force[:, axis])
-                for axis in (1, 0, 2)
+                f"{AXES[axis]} [% weight]": (f"{foot}{letter}", force[:, axis])
+                for axis, letter in ((1, "y"), (0, "x"), (2, "z"))
             }
-            for name, (column, truth) in (
-                truths | {"knee torque [N m/kg]": (knee, torques[KNEES[side]])}
-            ).items():
+            truths["knee torque [N m/kg]"] = (knee, torques[KNEES[side]])
+            for name, (column, truth) in truths.items():
                 unit = hidden.model.mass if "kg" in name else hidden.weight / 100.0
                 inside = (low[column] <= truth) & (truth <= high[column])
                 use = hidden.use & loaded

@@ -334,4 +334,7 @@ def _hands(what: str, strokes: Sequence[Judged]) -> Row:
 
 def _share(right: Sequence[bool | None]) -> str:
     """Write a share as a percentage; "" of nothing."""
-    return f"{np.mean([bool(each) for each in right]):.1%}" if right else ""
+    if not right:
+        return ""
+    share = np.mean([bool(each) for each in right])
+    return f"{share:.1%}"

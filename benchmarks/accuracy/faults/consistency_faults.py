@@ -16,6 +16,8 @@ from myomorph.core.model.arrays import Array
 
 UP = 1
 """Axis of the recordings that points up."""
+LEVEL_AXES = ((0, "x"), (2, "z"))
+"""The others, with their names."""
 LOADED = 30.0
 """Vertical force from which a plate takes part [N]."""
 
@@ -197,18 +199,18 @@ def _faults_of_bodies(rng: np.random.Generator) -> Iterator[Fault]:
             put=lambda case, share=share: replace(case, model=_heavier(case.model, share)),
         )
     for degrees in (rng.uniform(3.0, 4.0), rng.uniform(5.0, 6.0)):
-        for axis in (0, 2):
+        for axis, letter in LEVEL_AXES:
             rotation = turn(axis, rng.choice([-1.0, 1.0]) * degrees)
             yield Fault(
-                name=f"laboratory tilted by {degrees:.1f} degrees about {'xyz'[axis]}",
+                name=f"laboratory tilted by {degrees:.1f} degrees about {letter}",
                 accepted=("tilted",),
                 put=lambda case, rotation=rotation: _all_turned(case, rotation),
             )
-    for axis in (0, 2):
+    for axis, letter in LEVEL_AXES:
         degrees = rng.choice([-1.0, 1.0]) * rng.uniform(4.0, 6.0)
         rotation = turn(axis, degrees)
         yield Fault(
-            name=f"cameras tilted by {degrees:.1f} degrees about {'xyz'[axis]}",
+            name=f"cameras tilted by {degrees:.1f} degrees about {letter}",
             accepted=("tilted",),
             put=lambda case, rotation=rotation: case.with_markers(case.markers.values @ rotation.T),
         )

@@ -187,9 +187,10 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
         "generic masses": identified.parameters[GENERIC],
     }
     ok = identified.consistency[identified.chosen]
+    possible = sum(one.ok for one in ok.links)
     yield (
         "links of the identified model that are physically possible",
-        f"{sum(one.ok for one in ok.links)} of {len(ok.links)}",
+        f"{possible} of {len(ok.links)}",
         "",
     )
     yield from _held_out_facts(got, found.model, tables, seen[1].recording)

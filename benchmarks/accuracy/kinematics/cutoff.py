@@ -321,11 +321,11 @@ def measure(folder: Path) -> Iterator[Row]:
         chosen = recorded.cutoff
         row: Row = {"recording": name, "frames": len(motion)}
         row["automatic cutoff [Hz]"] = "none" if chosen is None else f"{chosen:.2g}"
-        for part, kind in enumerate(("force", "moment")):
+        for part, (kind, unit) in enumerate((("force", "N"), ("moment", "N m"))):
             row[f"best for the {kind} [Hz]"] = (
                 min(fixed, key=lambda cutoff: fixed[cutoff][part]) or "none"
             )
-            row[f"least {kind} [{'N' if part == 0 else 'N m'}]"] = least[part]
+            row[f"least {kind} [{unit}]"] = least[part]
             row |= {
                 f"{kind}, {rule}": held(of(recorded))[part] / least[part]
                 for rule, of in RULES.items()

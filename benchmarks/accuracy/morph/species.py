@@ -359,7 +359,8 @@ def _open(data: Path, pair: MuscleHomology) -> str:
     for which in (0, -1):
         ends = [one.ends(pair.targets, which) for one in ways]
         most = max(float(np.linalg.norm(one - ends[0])) for one in ends[1:])
-        shown.append(f"{100 * most / ground.lengths[ways[0].body(pair.targets[0], which)]:.0f}")
+        bone = ground.lengths[ways[0].body(pair.targets[0], which)]
+        shown.append(f"{100 * most / bone:.0f}")
     return ", ".join(shown)
 
 

@@ -190,16 +190,15 @@ def measure_architecture(data: Path) -> Iterator[dict[str, object]]:
     ]
     both = [(ours.muscle(one.sources[0]), theirs.muscle(one.targets[0])) for one in pairs]
     inside: dict[str, object] = {}
-    for name, key, limits in (
+    for name, key, (low, high) in (
         ("fiber", "optimal_fiber_length", law.fiber_interval),
         ("force", "max_isometric_force", law.force_interval),
     ):
         ratio = np.array([getattr(mine, key) / getattr(other, key) for mine, other in both])
         inside[f"{name}, median"] = float(np.median(ratio))
         inside[f"{name}, least and greatest"] = f"{ratio.min():.2f} to {ratio.max():.2f}"
-        inside[f"{name}, in its interval"] = (
-            f"{np.sum((limits[0] <= 1 / ratio) & (1 / ratio <= limits[1]))} of {len(ratio)}"
-        )
+        count = np.sum((low <= 1 / ratio) & (1 / ratio <= high))
+        inside[f"{name}, in its interval"] = f"{count} of {len(ratio)}"
     yield {"what": "the arm's muscles, ours over the forelimb's", "muscles": len(both), **inside}
 
 

@@ -247,12 +247,13 @@ def write_table(path: Path, names: Sequence[str], values: Array, *, degrees: boo
     -------
     the path
     """
+    in_degrees = "yes" if degrees else "no"
     head = (
         path.stem,
         "version=1",
         f"nRows={len(values)}",
         f"nColumns={len(names)}",
-        f"inDegrees={'yes' if degrees else 'no'}",
+        f"inDegrees={in_degrees}",
         "endheader",
         "\t".join(names),
     )

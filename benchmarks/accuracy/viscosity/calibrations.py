@@ -317,14 +317,14 @@ def measure_persons(folder: Path) -> Iterator[Row]:
             # The scanner's tibia comes with its fibula, the model's without.
             whole = surface_parts(mm.read_mesh(path))[0]
             scan = mm.Surface(0.001 * whole.vertices, whole.faces)
-            for side in ("r", "l"):
+            for side, word in (("r", "right"), ("l", "left")):
                 found = register_surface(
                     scan,
                     mm.read_mesh(folder / f"bones-opensim-rajagopal/Geometry/{side}_{bone}.vtp"),
                 )
                 yield {
                     "scan (real)": f"{person} right {bone}",
-                    "model's bone": f"{'right' if side == 'r' else 'left'} {bone}",
+                    "model's bone": f"{word} {bone}",
                     "residual, rms [mm]": 1e3 * found.rms,
                     "half of it within [mm]": 1e3 * found.percentile(50),
                     "95 % of it within [mm]": 1e3 * found.percentile(95),

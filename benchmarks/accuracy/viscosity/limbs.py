@@ -208,15 +208,13 @@ def _told(one: LimbRun, quantity: str) -> str:
         return "withheld"
     found = one.found[quantity]
     truth = one.truth[quantity]
-    if not np.isfinite(found.value):
-        ends = (
-            f"{100.0 * (found.low / truth - 1.0):+.1f} to {100.0 * (found.high / truth - 1.0):+.1f}"
-        )
-        return f"range, {ends} %{'' if found.holds(truth) else ', misses'}"
-    error = 100.0 * (found.value / truth - 1.0)
+    misses = "" if found.holds(truth) else ", misses"
     low = 100.0 * (found.low / truth - 1.0)
     high = 100.0 * (found.high / truth - 1.0)
-    return f"{error:+.2f} % ({low:+.2f} to {high:+.2f}{'' if found.holds(truth) else ', misses'})"
+    if not np.isfinite(found.value):
+        return f"range, {low:+.1f} to {high:+.1f} %{misses}"
+    error = 100.0 * (found.value / truth - 1.0)
+    return f"{error:+.2f} % ({low:+.2f} to {high:+.2f}{misses})"
 
 
 def measure_coverage() -> Iterable[Row]:

@@ -101,17 +101,15 @@ def measure_inertias(folder: Path) -> Iterator[Row]:
                 rows.append(
                     (name, (value - printed[name][0]) / printed[name][1], error / printed[name][1])
                 )
-            worst = max(rows, key=lambda one: abs(one[1]))
+            worst_name, worst, _ = max(rows, key=lambda one: abs(one[1]))
+            within = sum(abs(off) <= 1.0 for _, off, _ in rows)
+            ratios = [ratio for _, _, ratio in rows]
             yield {
                 "bicycle": bicycle,
                 "parameters": kind,
-                "within one standard error of the authors": (
-                    f"{sum(abs(one[1]) <= 1.0 for one in rows)} of {len(rows)}"
-                ),
-                "worst, in standard errors": f"{worst[1]:+.1e} ({worst[0]})",
-                "our standard error over theirs": (
-                    f"{min(r[2] for r in rows):.3f} to {max(r[2] for r in rows):.3f}"
-                ),
+                "within one standard error of the authors": f"{within} of {len(rows)}",
+                "worst, in standard errors": f"{worst:+.1e} ({worst_name})",
+                "our standard error over theirs": f"{min(ratios):.3f} to {max(ratios):.3f}",
             }
 
 
