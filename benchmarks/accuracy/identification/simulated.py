@@ -18,7 +18,7 @@ from benchmarks.errors import rms
 from data_collection import data_folder
 from myomorph.body.identify import base, least_squares
 from myomorph.body.identify.recordings import RecordingOptions, Usable, usable
-from myomorph.body.identify.subject import GENERIC, SHAPE, IdentificationOptions
+from myomorph.body.identify.subject import GENERIC, SHAPE, Identification, IdentificationOptions
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.rigid.regressor import base_wrench
@@ -170,15 +170,7 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
     yield from _marker_facts(found.model, person, shift)
     truth = moved(inertial_parameters(person), *shift)
     yield from _base_facts("motion from markers", fit, truth)
-    mass = person.mass
-    points, inside, _ = body_points(
-        found.model, BodyShape(), mass, BodyOptions(SPACING), compare=False
-    )
-    # What predicts other motions best; masses that are shown keep nearer to the generic ones.
-    options = IdentificationOptions(compare=False, masses="expected")
-    identified = mm.identify(
-        found.model, seen[:1], points, mass=mass, inside=inside, options=options
-    )
+    identified = _identified(found.model, seen[:1], person.mass)
     tables = {
         "the true masses": truth,
         "base parameters": standard_of(fit),
@@ -186,14 +178,24 @@ def from_markers(case: Case, folder: Path, size: Size) -> Facts:
         "shape only": identified.parameters[SHAPE],
         "generic masses": identified.parameters[GENERIC],
     }
-    ok = identified.consistency[identified.chosen]
-    possible = sum(one.ok for one in ok.links)
+    links = identified.consistency[identified.chosen].links
+    possible = sum(one.ok for one in links)
     yield (
         "links of the identified model that are physically possible",
-        f"{possible} of {len(ok.links)}",
+        f"{possible} of {len(links)}",
         "",
     )
     yield from _held_out_facts(got, found.model, tables, seen[1].recording)
+
+
+def _identified(model: mm.Model, seen: list[Usable], mass: float) -> Identification:
+    """Identify masses in the way that predicts other motions best.
+
+    Masses that are identifiable keep nearer to the generic ones.
+    """
+    points, inside, _ = body_points(model, BodyShape(), mass, BodyOptions(SPACING), compare=False)
+    options = IdentificationOptions(compare=False, masses="expected")
+    return mm.identify(model, seen, points, mass=mass, inside=inside, options=options)
 
 
 def _length_facts(model: mm.Model, subject: Subject) -> Facts:
