@@ -235,22 +235,26 @@ def found(folder: Path, lift: str, way: str) -> Lift:
             body, motion, "pelvis", plate_on_feet(recorded(folder, lift), motion.time)
         )
         return Lift(-left.forces[:, 0], plate, None)
-    asked = task(folder, lift, way)
+    inputs = task(folder, lift, way)
     tension = mm.solve_tension(
-        asked.model, asked.motion, asked.torques, contacts=asked.contacts, recruitment=EFFORT_ALONE
+        inputs.model,
+        inputs.motion,
+        inputs.torques,
+        contacts=inputs.contacts,
+        recruitment=EFFORT_ALONE,
     )
     assert tension.contacts is not None
     forces = tension.contacts.contact_force
-    feet = [k for k, one in enumerate(asked.contacts.sites) if one.group.startswith("foot")]
+    feet = [k for k, one in enumerate(inputs.contacts.sites) if one.group.startswith("foot")]
     return Lift(-forces[:, :2].sum(axis=1), forces[:, feet].sum(axis=1), tension)
 
 
-def left_open(asked: Task, frames: Sequence[int]) -> ContactIntervals:
+def left_open(inputs: Task, frames: Sequence[int]) -> ContactIntervals:
     """Return what the data leave undetermined of contact forces in some frames."""
     problem = tension_problem(
-        TensionInputs(asked.model, asked.motion, asked.torques, contacts=asked.contacts)
+        TensionInputs(inputs.model, inputs.motion, inputs.torques, contacts=inputs.contacts)
     )
-    over_frames(problem.solve, len(asked.motion), None, problem.window)
+    over_frames(problem.solve, len(inputs.motion), None, problem.window)
     return contact_intervals(problem, problem.result(), frames)
 
 

@@ -4,7 +4,7 @@ Whether they fit screens of two widths, complain, or are hard for people who rea
 
 `python -m benchmarks pages [--save]`. Recordings are analyzed, and every page is opened at 1280 and
 400 pixels, light and dark, with what is folded opened. Where axe-core (Deque, MPL-2.0) is installed
-(`pip install --no-deps axe-playwright-python`), its rules of accessibility are asked.
+(`pip install --no-deps axe-playwright-python`), its rules of accessibility are checked.
 `MYOMORPH_SCREENS` names a folder for pictures of the screens.
 """
 
@@ -41,8 +41,8 @@ OPEN_ALL = "document.querySelectorAll('details').forEach(one => { one.open = tru
 WIDER = "document.documentElement.scrollWidth - window.innerWidth"
 TALL = "document.documentElement.scrollHeight"
 VIOLATIONS = (
-    "axe.run(document, {resultTypes: ['violations']}).then(told => JSON.stringify("
-    "told.violations.map(one => [one.id, one.nodes.length, one.nodes[0].html.slice(0, 160)])))"
+    "axe.run(document, {resultTypes: ['violations']}).then(report => JSON.stringify("
+    "report.violations.map(one => [one.id, one.nodes.length, one.nodes[0].html.slice(0, 160)])))"
 )
 """Rule, number of places, and the first of them."""
 OTHER_CUTOFF = ("cutoff = 6", "cutoff = 12")
@@ -71,7 +71,7 @@ class Look:
     ----------
     wider : how far its contents reach beyond the window [pixels]
     complaints : of its scripts
-    findings : of axe, (rule, number of places, the first of them); None where it was not asked
+    findings : of axe, (rule, number of places, the first of them); None where it did not run
     """
 
     wider: int
@@ -183,8 +183,8 @@ def looked_at(browser: Browser, address: str, screen: Screen, script: str) -> Lo
     if script:
         # A debugger's script: what the page lets scripts do does not hold for it.
         browser.run(f"{script};0")
-        told = json.loads(browser.run(VIOLATIONS))
-        findings = tuple((rule, int(places), first) for rule, places, first in told)
+        violations = json.loads(browser.run(VIOLATIONS))
+        findings = tuple((rule, int(places), first) for rule, places, first in violations)
     return Look(wider=wider, complaints=tuple(browser.errors), findings=findings)
 
 

@@ -73,13 +73,13 @@ def checked(pythons: Sequence[str], demo: bool) -> Iterable[dict[str, object]]:
         yield _row("contents", start, _contents(wheel, sdist))
         for python in pythons:
             start = time.monotonic()
-            told = _installed(
+            installed = _installed(
                 python,
                 wheel,
                 Path(folder) / f"with {Path(python).name} {time.monotonic_ns()}",
                 demo,
             )
-            yield _row(f"wheel alone, {told[0]}", start, told[1])
+            yield _row(f"wheel alone, {installed[0]}", start, installed[1])
 
 
 def _built_again(wheel: Path, sdist: Path, out: Path) -> str:
@@ -158,7 +158,7 @@ def _installed(python: str, wheel: Path, folder: Path, demo: bool) -> tuple[str,
     shutil.copy(STUDY / "reach.trc", folder / "étude à deux" / "geste é 2.trc")
     program = str(programs / "myomorph")
     _said([program, "--version"], folder)
-    told = []
+    steps = []
     for name, given, report in (
         (
             "study",
@@ -174,10 +174,10 @@ def _installed(python: str, wheel: Path, folder: Path, demo: bool) -> tuple[str,
     ):
         start = time.monotonic()
         _said([program, *given], folder)
-        told.append(f"{name} {time.monotonic() - start:.0f} s")
+        steps.append(f"{name} {time.monotonic() - start:.0f} s")
         if not (folder / given[-1] / report).is_file():
             raise NotReady(f"{name} left no {report}")
-    return f"Python {version}", ", ".join(told)
+    return f"Python {version}", ", ".join(steps)
 
 
 def _said(command: Sequence[str], folder: Path) -> str:

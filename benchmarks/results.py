@@ -80,8 +80,8 @@ def provenance() -> dict[str, str]:
     sources = ["status", "--porcelain", "--", ":(top)src", ":(top)benchmarks"]
     changed = subprocess.run([*git, *sources], capture_output=True, text=True, check=False)
     machine = f"{os.cpu_count()} cores, {_processor()}, Python {platform.python_version()}"
-    told = commit.stdout.strip() + ("+" if changed.stdout.strip() else "")
-    return {"date": datetime.now(UTC).date().isoformat(), "commit": told, "machine": machine}
+    revision = commit.stdout.strip() + ("+" if changed.stdout.strip() else "")
+    return {"date": datetime.now(UTC).date().isoformat(), "commit": revision, "machine": machine}
 
 
 def _processor() -> str:

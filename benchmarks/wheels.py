@@ -1,7 +1,7 @@
 """Which dependencies have no wheel for a system: `python -m benchmarks wheels`.
 
-pip is asked for the wheels of all dependencies in pyproject.toml, as if it ran on that system;
-nothing is installed. Those whose marker excludes the system are not asked for, nor those whose
+pip looks for the wheels of all dependencies in pyproject.toml, as if it ran on that system;
+nothing is installed. Those whose marker excludes the system are left out, and those whose
 wheel here is one for every system. Wheels of dependencies' dependencies are not looked up.
 """
 
@@ -74,12 +74,12 @@ def wanted_on(requirements: list[str], facts: dict[str, str]) -> Iterator[str]:
 
 def without_wheel(requirements: Iterable[str], tags: tuple[str, ...]) -> list[str]:
     """Names of the requirements for which pip knows no wheel with one of the tags."""
-    asked = [one for one in map(Requirement, requirements) if not runs_anywhere(one.name)]
+    needed = [one for one in map(Requirement, requirements) if not runs_anywhere(one.name)]
     with ThreadPoolExecutor(4) as pool:
-        found = pool.map(lambda one: versions(one.name, tags), asked)
+        found = pool.map(lambda one: versions(one.name, tags), needed)
     return [
         one.name
-        for one, some in zip(asked, found, strict=True)
+        for one, some in zip(needed, found, strict=True)
         if not any(map(one.specifier.contains, some))
     ]
 
@@ -111,6 +111,6 @@ def versions(name: str, tags: tuple[str, ...]) -> set[str]:
         ended.returncode != 0
         and "No matching distribution found" not in ended.stdout + ended.stderr
     ):
-        raise RuntimeError(f"pip cannot be asked: {ended.stderr.strip()}")
+        raise RuntimeError(f"pip failed: {ended.stderr.strip()}")
     wheels = re.findall(r"Found link \S*/([^/\s#]+\.whl)", ended.stdout)
     return {str(parse_wheel_filename(unquote(one))[1]) for one in wheels}

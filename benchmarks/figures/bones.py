@@ -146,9 +146,14 @@ def draw_errors(file: Path) -> None:
                     axis.plot(
                         COUNTS, 5e2 * np.array(errors), ":", color=color, lw=1.0, label="half of it"
                     )
-            told = [1e3 * foreseen(partial(landmarks, count=n)) for n in COUNTS]
+            predicted = [1e3 * foreseen(partial(landmarks, count=n)) for n in COUNTS]
             axis.plot(
-                COUNTS, told, "--", color="#1b7837", lw=1.2, label="regression on other persons"
+                COUNTS,
+                predicted,
+                "--",
+                color="#1b7837",
+                lw=1.2,
+                label="regression on other persons",
             )
             axis.set_title(
                 f"landmarks {where}" if where.startswith("at") else f"landmarks at {where}",

@@ -1,1 +1,1 @@
-"""Faults of recordings: found, named, mended."""
+"""Faults of recordings: found, named, repaired."""

@@ -75,7 +75,7 @@ class Capture(ABC):
 
     @abstractmethod
     def scale_places(self, factor: float) -> None:
-        """Multiply what says where forces act."""
+        """Multiply what specifies where forces act."""
 
     @abstractmethod
     def delay_forces(self, seconds: float) -> None:
@@ -118,7 +118,7 @@ class C3dCapture(Capture):
 
     @property
     def plates(self) -> int:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         return 0 if self.platform is None else int(self.platform["USED"]["value"][0])
 
     def _rows(self, plate: int) -> Array:
@@ -126,12 +126,12 @@ class C3dCapture(Capture):
         return np.asarray(self.platform["CHANNEL"]["value"][:, plate]).astype(int) - 1
 
     def used_plate(self) -> int:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         lifts = [np.abs(self.analogs[self._rows(k)[VERTICAL]]).sum() for k in range(self.plates)]
         return int(np.argmax(lifts))
 
     def drop_plate(self, plate: int) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         count = self.plates
         for name in ("TYPE", "CORNERS", "ORIGIN", "CHANNEL", "CAL_MATRIX"):
             entry = self.platform.get(name)
@@ -140,23 +140,23 @@ class C3dCapture(Capture):
         self.platform["USED"]["value"] = np.array([count - 1])
 
     def exchange_plates(self, first: int, second: int) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         channels = np.array(self.platform["CHANNEL"]["value"])
         channels[:, [first, second]] = channels[:, [second, first]]
         self.platform["CHANNEL"]["value"] = channels
 
     def turn_plate(self, plate: int, quarters: int) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         corners = np.array(self.platform["CORNERS"]["value"])
         corners[:, :, plate] = np.roll(corners[:, :, plate], quarters, axis=1)
         self.platform["CORNERS"]["value"] = corners
 
     def scale_plate(self, plate: int, factor: float) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         self.analogs[self._rows(plate)] *= factor
 
     def add_force(self, plate: int, force: Sequence[float]) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         lift = self.analogs[self._rows(plate)[VERTICAL]]
         # Whichever sign the plate has, the force presses as feet do.
         sign = np.sign(lift[np.argmax(np.abs(lift))])
@@ -169,18 +169,18 @@ class C3dCapture(Capture):
         return float(abs(self.platform["CAL_MATRIX"]["value"][VERTICAL, VERTICAL, plate]))
 
     def scale_places(self, factor: float) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         self.platform["CORNERS"]["value"] = factor * np.array(self.platform["CORNERS"]["value"])
 
     def delay_forces(self, seconds: float) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         samples = round(seconds * self.rate * self.analogs.shape[1] / len(self.points))
         rows = np.concatenate([self._rows(plate) for plate in range(self.plates)])
         later = np.clip(np.arange(self.analogs.shape[1]) - samples, 0, self.analogs.shape[1] - 1)
         self.analogs[rows] = self.analogs[rows][:, later]
 
     def change_rate(self, factor: float) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         # Both rates: their ratio says how many samples a frame has.
         self.rate *= factor
         analog = self.file["parameters"]["ANALOG"]["RATE"]
@@ -188,18 +188,18 @@ class C3dCapture(Capture):
 
     @property
     def emg(self) -> Mapping[str, Array]:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         of_plates = {int(row) for plate in range(self.plates) for row in self._rows(plate)}
         names = self.file["parameters"]["ANALOG"]["LABELS"]["value"]
         return {name: self.analogs[row] for row, name in enumerate(names) if row not in of_plates}
 
     def rename_emg(self, names: Mapping[str, str]) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         labels = self.file["parameters"]["ANALOG"]["LABELS"]
         labels["value"] = [names.get(name, name) for name in labels["value"]]
 
     def write(self, folder: Path) -> tuple[Path, ...]:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         path = folder / "trial.c3d"
         point = self.file["parameters"]["POINT"]
         point["LABELS"]["value"] = self.labels
@@ -278,15 +278,15 @@ class TableCapture(Capture):
 
     @property
     def plates(self) -> int:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         return len(self.forces)
 
     def used_plate(self) -> int:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         return int(np.argmax([np.abs(self.rows[:, one.force]).sum() for one in self.forces]))
 
     def drop_plate(self, plate: int) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         gone = self.forces.pop(plate)
         parts = [gone.force, gone.point, *([] if gone.torque is None else [gone.torque])]
         columns = [column for part in parts for column in range(part.start, part.stop)]
@@ -302,7 +302,7 @@ class TableCapture(Capture):
             ]
 
     def exchange_plates(self, first: int, second: int) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         for part in ("force", "torque"):
             one = getattr(self.forces[first], part)
             other = getattr(self.forces[second], part)
@@ -312,7 +312,7 @@ class TableCapture(Capture):
                 self.rows[:, other] = kept
 
     def turn_plate(self, plate: int, quarters: int) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         columns = self.forces[plate]
         turn = np.linalg.matrix_power(QUARTER, quarters)
         loaded = np.linalg.norm(self.rows[:, columns.force], axis=1) > LOADED
@@ -322,14 +322,14 @@ class TableCapture(Capture):
         self.rows[:, columns.point] = (points - center) @ turn.T + center
 
     def scale_plate(self, plate: int, factor: float) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         columns = self.forces[plate]
         self.rows[:, columns.force] *= factor
         if columns.torque is not None:
             self.rows[:, columns.torque] *= factor
 
     def add_force(self, plate: int, force: Sequence[float]) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         columns = range(self.forces[plate].force.start, self.forces[plate].force.stop)
         up = columns[self._up_of_forces()]
         self.rows[:, up] += np.linspace(force[0], force[-1], len(self.rows))
@@ -340,21 +340,21 @@ class TableCapture(Capture):
         return int(np.argmax(np.sum(sums, axis=0)))
 
     def scale_places(self, factor: float) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         for columns in self.forces:
             self.rows[:, columns.point] *= factor
 
     def delay_forces(self, seconds: float) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         self.rows[:, 0] += seconds
 
     def change_rate(self, factor: float) -> None:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         start = self.rows[0, 0]
         self.rows[:, 0] = start + (self.rows[:, 0] - start) / factor
 
     def write(self, folder: Path) -> tuple[Path, ...]:
-        """Do as `Capture` says."""
+        """See `Capture`."""
         table = folder / f"trial_grf{self.ending}"
         lines = [self.separator.join(f"{cell:.9g}" for cell in row) for row in self.rows]
         table.write_text("\n".join([*self.head, *lines]) + "\n", encoding="utf-8")

@@ -138,7 +138,7 @@ def opened(folder: Path, recording: Recording) -> Case:
 
 
 def outcome(case: Case, mend: bool = True) -> Outcome:
-    """Go the way of `ik` and `id`, with mends or without."""
+    """Go the way of `ik` and `id`, with or without corrections."""
     markers = MarkerCheckOptions(mend=mend)
     forces = ForceOptions() if mend else ForceOptions(force_checks="none")
     try:
@@ -159,7 +159,7 @@ def outcome(case: Case, mend: bool = True) -> Outcome:
 
 
 def _with_zeros(case: Case) -> mm.Wrenches:
-    """Return the forces with what reading them says of their zeros."""
+    """Return the forces with what reading them finds of their zeros."""
     zeros = zero_messages(case.wrenches, np.asarray(case.model.up), case.model.weight)
     findings = tuple(Finding(kind=ZERO, place=zero.place, text=zero) for zero in zeros)
     return replace(case.wrenches, findings=(*case.wrenches.findings, *findings))
@@ -230,13 +230,13 @@ def measure(folder: Path) -> Iterator[Row]:
                 if row["apart"] is apart and low <= float(str(row[CHANGE])) / 100.0 < high
             ]
             counts = Counter(str(row["outcome"]) for row in chosen)
-            told = len(chosen) - counts["silent"] - counts["something else blamed"]
+            named = len(chosen) - counts["silent"] - counts["something else blamed"]
             yield {
                 "recordings": "kept apart" if apart else "worked with",
                 "torques change": words,
                 "faults": len(chosen),
                 **{word: counts[word] for word in OUTCOMES},
-                "told [%]": 100.0 * told / max(len(chosen), 1),
+                "told [%]": 100.0 * named / max(len(chosen), 1),
                 "something else mended": sum(bool(row["mended wrongly"]) for row in chosen),
             }
 
@@ -248,14 +248,14 @@ def measure_all(folder: Path) -> Iterator[Row]:
 
 
 def measure_clean(folder: Path) -> Iterator[Row]:
-    """Say what is said of the recordings with nothing put in."""
+    """List the findings on the recordings without faults."""
     for recording in RECORDED:
         clean = outcome(opened(folder, recording))
-        told = clean.findings
+        findings = clean.findings
         yield {
             "recording": recording.name,
             "kept apart": recording.apart,
-            "said": "; ".join(f"{item.kind}: {item}"[:160] for item in told) or "nothing",
+            "said": "; ".join(f"{item.kind}: {item}"[:160] for item in findings) or "nothing",
         }
 
 

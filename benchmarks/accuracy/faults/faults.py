@@ -295,7 +295,7 @@ FORCE_FAULTS = (
 
 
 def verdict(fault: Fault, findings: Sequence[Finding]) -> str:
-    """Whether a fault is mended, found or missed."""
+    """Return whether a fault is mended, found or missed."""
     named = [one for one in findings if one.kind in fault.kinds]
     if not named:
         return "missed"
@@ -336,7 +336,7 @@ def _error_of(
 
 
 def injected_force_faults(folder: Path) -> Iterator[Row]:
-    """Faults of forces put into clean recordings: how many were mended, found and missed."""
+    """Put faults of forces into clean recordings, and count those mended, found and missed."""
     return counted_faults(FORCE_FAULTS, [of_its_mass(folder, walk) for walk in CLEAN])
 
 

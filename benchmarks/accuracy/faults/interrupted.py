@@ -72,11 +72,11 @@ def _undisturbed(study: Path, out: Path) -> tuple[Path, float]:
 
 
 class Run(subprocess.Popen[str]):
-    """The program on a study, and what it says: a pipe that nobody reads would stop it.
+    """The program on a study, and what it prints: a pipe that nobody reads would stop it.
 
     Attributes
     ----------
-    lines : that it has said
+    lines : that it has printed
     reader : the thread that reads them
     """
 
@@ -104,7 +104,7 @@ def begin(study: Path, out: Path, *options: str) -> Run:
 
 
 def end_of(process: Run) -> tuple[int, str]:
-    """Exit status of a run and what it said, once it has ended."""
+    """Return the exit status of a run and what it printed, once it has ended."""
     status = process.wait()
     process.reader.join()
     return status, "".join(process.lines)
@@ -217,11 +217,11 @@ def workers_killed(study: Path, reference: Path, out: Path, times: int = LOSSES)
                 workers[random.integers(len(workers))].kill()
                 kills += 1
     code, said = end_of(process)
-    told = f"{losses(out)} jobs lost their worker, {said.count('was lost twice')} of them twice"
+    note = f"{losses(out)} jobs lost their worker, {said.count('was lost twice')} of them twice"
     if code:
         code, said = end_of(begin(study, out))
         WRONG.extend([] if code == 0 else [f"worker killed: ended with {code}: {said[-500:]}"])
-    return _row("a worker killed", kills, reference, out, len(half_written(out)), told)
+    return _row("a worker killed", kills, reference, out, len(half_written(out)), note)
 
 
 def _works(process: psutil.Process) -> bool:
@@ -258,7 +258,7 @@ def disk_full(study: Path, reference: Path, out: Path) -> Row:
         WRONG.extend(f"disk full: {one}" for one in half)
         if code != 2:
             WRONG.append(f"disk full: ended with {code}: {said[-500:]}")
-        told = next(
+        line = next(
             (line for line in said.splitlines() if "not run" in line and "FAILED" not in line),
             said[-200:],
         )
@@ -267,7 +267,7 @@ def disk_full(study: Path, reference: Path, out: Path) -> Row:
         WRONG.extend(
             [] if code == 0 else [f"disk full, then room: ended with {code}: {said[-500:]}"]
         )
-        return _row("disk full, then room", 1, reference, out, len(half), told)
+        return _row("disk full, then room", 1, reference, out, len(half), line)
     finally:
         subprocess.run(("umount", str(out)), capture_output=True)
 
@@ -290,14 +290,14 @@ def read_only(study: Path, reference: Path, out: Path) -> Row:
 def mounted(folder: Path, options: str) -> str:
     """Mount an empty file system on a folder; returns why that cannot be done, "" where it was."""
     try:
-        told = subprocess.run(
+        ended = subprocess.run(
             ("mount", "-t", "tmpfs", "-o", options, "tmpfs", str(folder)),
             capture_output=True,
             text=True,
         )
     except OSError as error:
         return f"mount: {error.strerror}"
-    return " ".join(told.stderr.split()) if told.returncode else ""
+    return " ".join(ended.stderr.split()) if ended.returncode else ""
 
 
 def machine_cut_off(study: Path, reference: Path, out: Path) -> Row:
@@ -324,8 +324,8 @@ def machine_cut_off(study: Path, reference: Path, out: Path) -> Row:
         code, said = end_of(process)
         if code or not reached:
             WRONG.append(f"{what}: ended with {code}: {said[-500:]}")
-        told = f"{losses(out)} jobs done again, {noticed:.0f} s after the cut"
-        return _row(what, 1, reference, out, len(half_written(out)), told)
+        note = f"{losses(out)} jobs done again, {noticed:.0f} s after the cut"
+        return _row(what, 1, reference, out, len(half_written(out)), note)
 
 
 def _until(there: Callable[[], bool], process: subprocess.Popen) -> bool:
@@ -348,7 +348,7 @@ if __name__ == "__main__":
     for found in measure():
         sys.stdout.write(f"{found}\n")
         sys.stdout.flush()
-    sys.stderr.writelines(f"{doubt}\n" for doubt in WRONG)
+    sys.stderr.writelines(f"{one}\n" for one in WRONG)
 
 
 FRAMES = 24

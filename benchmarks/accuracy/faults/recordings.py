@@ -196,7 +196,7 @@ RECORDINGS = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Said:
-    """What a command said, and what it found.
+    """What a command printed, and what it found.
 
     Attributes
     ----------
@@ -272,7 +272,7 @@ class Clean:
         return tuple(open_emg(path, model, {}, side=self.recording.emg_side).muscles)
 
     def of_steps(self, job: Job) -> Said:
-        """Return what is said of the clean recording by the steps of a job."""
+        """Return the messages on the clean recording by the steps of a job."""
         key = ("id alone",) if job.radians else job.steps
         if key not in self.said:
             clean = self.job()
@@ -395,8 +395,8 @@ def _run(clean: Clean, out: Path, steps: Sequence[str], assumed: Sequence[Messag
 def _assumed_messages(printed: str) -> tuple[Message, ...]:
     """Sentences of `analyze` on who was recorded, and its warnings."""
     lines = [line.strip() for line in printed.splitlines()]
-    told = ("WARNING", "The recordings are of", "Markers lie elsewhere")
-    return tuple(SESSION.message(line) for line in lines if line.startswith(told))
+    beginnings = ("WARNING", "The recordings are of", "Markers lie elsewhere")
+    return tuple(SESSION.message(line) for line in lines if line.startswith(beginnings))
 
 
 def dynamics_alone(clean: Clean, factor: float) -> Said:
@@ -467,7 +467,7 @@ class Verdict:
 
 
 def judged(clean: Clean, job: Job, kind: Kind, found: Said) -> Verdict:
-    """Compare what is said of a fault with what is said of the clean recording."""
+    """Compare the messages on a fault with those on the clean recording."""
     before = clean.of_steps(job)
     torque = _torque_change(before, found)
     angle = _angle_change(before, found)
@@ -565,7 +565,7 @@ def _shortened(text: str, home: Path) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Measured:
-    """What is said of all recordings.
+    """Messages on all recordings.
 
     Attributes
     ----------
@@ -656,7 +656,7 @@ COLUMNS = ("cause", "gravity", "said", "right", "why")
 
 
 def measure_clean(folder: Path, seed: int = SEED) -> Iterator[Row]:
-    """Yield a row a warning of a clean recording: what is said, and whether it is so."""
+    """Yield a row for each warning on a clean recording: its text, and whether it is true."""
     for recording, said in measured(folder, seed).clean.items():
         warnings = [group for group in grouped_messages(said.messages) if group.is_warning]
         if not warnings:
@@ -691,7 +691,7 @@ def measure(folder: Path, seed: int = SEED) -> Iterator[Row]:
 
 
 def measure_all(folder: Path, seed: int = SEED) -> Iterator[Row]:
-    """Yield a row a fault: its size, what became of it, its effect and what is said first."""
+    """Yield a row for each fault: its size, outcome, effect and first message."""
     for verdict in measured(folder, seed).verdicts:
         yield verdict.row
 

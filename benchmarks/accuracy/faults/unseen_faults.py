@@ -106,10 +106,10 @@ def of_the_plates(folder: Path, raw: Raw) -> tuple[Recorded | None, str]:
     one, said = analyzed(folder, raw)
     if one is None:
         return one, said
-    told = [
+    matches = [
         CARRIED.search(each.text) for each in on_feet(one.wrenches, one.model, one.motion).findings
     ]
-    masses = [float(each.group(1)) for each in told if each is not None]
+    masses = [float(each.group(1)) for each in matches if each is not None]
     return (scaled_mass(masses[0] / one.model.mass)(one) if masses else one), said
 
 

@@ -203,11 +203,11 @@ def injected(folder: Path, raw: Raw, fault: MarkerFault) -> tuple[str, set[str]]
     if faulty is None:
         return None
     found = analyzed(folder, faulty, raw.static)
-    told = {(one.kind, one.place) for one in before.findings}
+    known = {(one.kind, one.place) for one in before.findings}
     new = [
         one
         for one in found.findings
-        if (one.kind, one.place) not in told and one.kind not in ABOUT_THE_MODEL
+        if (one.kind, one.place) not in known and one.kind not in ABOUT_THE_MODEL
     ]
     named = [one for one in new if one.kind in (*fault.kinds, "refused")]
     besides = {one.kind for one in new} - {*fault.kinds, "refused"}

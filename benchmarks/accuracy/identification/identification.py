@@ -310,7 +310,7 @@ def row(folder: Path, split: Split) -> dict[str, object]:
     ]
     moment, force = errors[GENERIC]
 
-    def told(name: str) -> str:
+    def ratio(name: str) -> str:
         ratio = errors[name] / errors[GENERIC]
         return (
             f"{errors[name][1]:.1f} N ({ratio[1]:.2f}), {errors[name][0]:.1f} N m ({ratio[0]:.2f})"
@@ -323,14 +323,14 @@ def row(folder: Path, split: Split) -> dict[str, object]:
         "held against": split.test,
         "unseen frames": int(test.use.sum()),
         "generic scaled": f"{force:.1f} N, {moment:.1f} N m",
-        "least squares, a bound": told("ridge"),
-        "points, own link, soft tissue never": told(MARKERS),
-        "points, own link": told("identified, own link"),
-        "points, w_b": told("identified, w_b"),
-        "points, w_d": told("identified, w_d"),
-        "points, w_n": told("identified, w_n"),
-        "pseudo-inertia": told(CONIC),
-        f"points, own link, mass SD {LOOSE:g}": told("loose"),
+        "least squares, a bound": ratio("ridge"),
+        "points, own link, soft tissue never": ratio(MARKERS),
+        "points, own link": ratio("identified, own link"),
+        "points, w_b": ratio("identified, w_b"),
+        "points, w_d": ratio("identified, w_d"),
+        "points, w_n": ratio("identified, w_n"),
+        "pseudo-inertia": ratio(CONIC),
+        f"points, own link, mass SD {LOOSE:g}": ratio("loose"),
         "soft tissue": "none" if found.soft_tissue is None else found.soft_tissue.words,
         "lightest forearm, of generic": min(shares) if shares else None,
         "mass SD of the prior": found.mass_sd,

@@ -134,7 +134,7 @@ def measure_grid() -> Iterator[Row]:
     A_part, b_part = measured(finest)
     A = 0.01 * A_part[:40]
     b = 0.01 * b_part[:40]
-    # The same change is asked of every grid.
+    # The same change is required of every grid.
     wished = b - A @ finest.parameters(finest.reference).ravel()
     found: dict[int, dict[str, _GridFit]] = {}
     spacing = {}

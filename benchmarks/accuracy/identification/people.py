@@ -230,7 +230,7 @@ def measure() -> Iterator[Row]:
 def _rows(
     survey_name: str, errors: Mapping[tuple[str, str], Array], between: float
 ) -> Iterator[Row]:
-    """Compare errors of a survey's people with what is said of them."""
+    """Compare errors of a survey's people with their standard deviations."""
     for (name, sex), pairs in errors.items():
         # The second survey's forearms are relaxed, which this file is corrected for.
         if name == "forearm":

@@ -13,7 +13,7 @@ from myomorph.body.identify.carried_paths import carried_paths
 from myomorph.body.identify.carry import carry_motion
 
 SEEDS = (4311, 4312, 4313)
-"""Of the motions; none was looked at while hops were told from jumps."""
+"""Of the motions; none was looked at while the rule for hops and jumps was chosen."""
 FRAMES = 101
 WIDEST = 1.2
 """A joint moves up to so far from its default pose [rad]."""

@@ -1,4 +1,4 @@
-"""Faults of inertial sensors put into recordings: errors of the angles, and what was said.
+"""Faults of inertial sensors put into recordings: errors of the angles, and messages.
 
 The truth is simulated by SciPy alone (`tests/truths/sensed_person.py`), on the minute of walking of
 the data collection.
@@ -94,7 +94,7 @@ def _errors(fit: SensorFit, time: np.ndarray, angles: dict[str, np.ndarray]) -> 
 
 
 def _is_named(fit: SensorFit) -> bool:
-    """Whether a message that changes results was said of the sensors."""
+    """Return whether a message on the sensors changes results."""
     said = (*fit.mounting.notes, *fit.sensors.warnings)
     return any(note.gravity != "good to know" for note in said)
 

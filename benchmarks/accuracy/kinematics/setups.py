@@ -160,7 +160,7 @@ def copied(data: Path, name: str, needs: Needs, room: Path) -> Path:
 
 
 def new_files(room: Path, run: Callable[[], str]) -> tuple[list[str], str]:
-    """Files that a run makes or changes in a folder, relative to it, and what the run said."""
+    """Return files that a run makes or changes in a folder, relative to it, and what it printed."""
     before = {path: path.stat().st_mtime_ns for path in room.rglob("*")}
     said = run()
     after = [
@@ -175,7 +175,7 @@ def new_files(room: Path, run: Callable[[], str]) -> tuple[list[str], str]:
 
 
 def ours(setup: Path) -> str:
-    """Run a setup here; what was said where it is refused, "" where not."""
+    """Run a setup here; return the error where it is refused, "" where not."""
     try:
         run_tool(setup)
     except mm.MyomorphError as error:

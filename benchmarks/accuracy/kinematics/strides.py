@@ -198,20 +198,20 @@ def measure_mouse(folder: Path) -> Iterator[Row]:
     assert trial.markers is not None
     for joint in ("ankle", "knee"):
         limbs = [mm.Limb(f"hind_{side[0]}", (f"{side}_{joint}",)) for side in ("right", "left")]
-        for told in (None, 0.25):
+        for ground_speed in (None, 0.25):
             found = mm.find_strides(
                 trial.markers,
                 limbs,
                 ("left_hip", "right_hip"),
                 np.array([0.0, 0.0, 1.0]),
                 direction=np.array([1.0, 0.0, 0.0]),
-                ground_speed=told,
+                ground_speed=ground_speed,
             )
             for limb in limbs:
                 own = found.of(limb.name)
                 seen = float(np.isfinite(trial.markers[limb.points[0]][:, 0]).mean())
                 row: Row = {"feet by": f"{joint}, {limb.name[-1]}", "frames seen [%]": 100.0 * seen}
-                row["belt"] = "specified" if told else "estimated"
+                row["belt"] = "specified" if ground_speed else "estimated"
                 row["belt speed [m/s]"] = -found.ground_speed
                 row["strides"] = len(own)
                 for name, attribute, factor in (
@@ -296,8 +296,10 @@ def _of_one(
     for label, plates in (("one stride", wrenches), ("one stride without plates", None)):
         found = walking_strides(model, short, wrenches=plates)
         strides = [] if found is None else [one for one in found.strides if one.limb == body]
-        told = ", ".join(f"{one.duty:.3f}" for one in strides) or "no stride"
-        row[f"{label}: duty factor, peak [BW]"] = f"{told}, {_peak(strides, wrenches) / weight:.2f}"
+        duties = ", ".join(f"{one.duty:.3f}" for one in strides) or "no stride"
+        row[f"{label}: duty factor, peak [BW]"] = (
+            f"{duties}, {_peak(strides, wrenches) / weight:.2f}"
+        )
     return row
 
 

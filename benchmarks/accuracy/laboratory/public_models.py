@@ -138,7 +138,7 @@ def _is_mjcf(path: Path) -> bool:
 
 
 def _sentence(error: MyomorphError, folder: Path) -> str:
-    """Return what an error says, without the folders of this machine."""
+    """Return the text of an error, without the folders of this machine."""
     text = str(error.problem) if isinstance(error, BadFile) else str(error)
     text = text.replace(f"{folder.resolve()}/", "").replace(f"{folder}/", "")
     return re.sub(r"^[^ ]*\.(osim|xml|mjcf): ", "", text)[:200]

@@ -47,7 +47,7 @@ class KnownRecording:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a session says of a recording.
+    """What a session states of a recording.
 
     Attributes
     ----------

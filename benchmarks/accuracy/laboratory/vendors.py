@@ -36,7 +36,7 @@ OPTION = re.compile(r"--[a-z][a-z-]*|: give |; give |expected ")
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Exit status of the command for each file, and whether its one line says what helps."""
+    """Yield each file's exit status, and whether its one line names what helps."""
     for name in SETS:
         home = folder / name
         for path in sorted(

@@ -50,7 +50,7 @@ def measure_made() -> Iterator[Row]:
 
 def _made(kind: str, share: float, cover: str) -> Row:
     errors = []
-    told = []
+    deviations = []
     tilts = []
     for seed in range(RUNS):
         random = np.random.default_rng(seed)
@@ -73,18 +73,18 @@ def _made(kind: str, share: float, cover: str) -> Row:
                 points, looks, np.full(POINTS, 4.0 * np.pi * RADIUS**2 * share / POINTS)
             )
             errors.append(float(np.linalg.norm(sphere.center)))
-            told.append(float(np.sqrt(np.trace(sphere.covariance))))
+            deviations.append(float(np.sqrt(np.trace(sphere.covariance))))
         else:
             cylinder = fit_cylinder(points, looks, np.ones(POINTS), [0.0, 0.0, 1.0])
             errors.append(float(np.linalg.norm(np.cross(cylinder.point, cylinder.axis))))
-            told.append(cylinder.deviation)
+            deviations.append(cylinder.deviation)
             tilts.append(float(np.degrees(np.arccos(min(1.0, abs(cylinder.axis[2]))))))
     return {
         "surface (simulated)": kind,
         "cover": cover,
         "center or axis off, rms [mm]": 1e3 * float(np.sqrt(np.mean(np.square(errors)))),
         "worst [mm]": 1e3 * max(errors),
-        "estimated SD, median [mm]": 1e3 * float(np.median(told)),
+        "estimated SD, median [mm]": 1e3 * float(np.median(deviations)),
         "axis turned, rms [°]": float(np.sqrt(np.mean(np.square(tilts)))) if tilts else "",
     }
 
@@ -123,7 +123,9 @@ def _against(name: str, head: SphereFit, center: np.ndarray, against: str) -> Ro
 def _center_row(
     name: str, head: SphereFit, socket: SphereFit | None, center: np.ndarray, against: str
 ) -> Row:
-    warnings = [told for one in (head, socket) if one is not None and (told := warning_of(one))]
+    warnings = [
+        warning for one in (head, socket) if one is not None and (warning := warning_of(one))
+    ]
     return {
         "joint": name,
         "head, radius [mm]": 1e3 * head.radius,
@@ -216,13 +218,13 @@ def _again(
     radius = whole.scale * fit.radius
     if isinstance(fit, SphereFit):
         sphere = articular_sphere(target, start, radius, fit.hollow)
-        if told := warning_of(sphere):
-            raise mm.BadData(told)
+        if warning := warning_of(sphere):
+            raise mm.BadData(warning)
         return float(np.linalg.norm(sphere.center - part.apply(fit.center))), 0.0
     width = whole.scale * (fit.length + fit.radius)
     cylinder = articular_cylinder(target, start, whole.rotation @ fit.axis, radius, width)
-    if told := warning_of(cylinder):
-        raise mm.BadData(told)
+    if warning := warning_of(cylinder):
+        raise mm.BadData(warning)
     beside = np.cross(cylinder.point - part.apply(fit.point), cylinder.axis)
     cosine = min(1.0, abs(float(cylinder.axis @ part.rotation @ fit.axis)))
     return float(np.linalg.norm(beside)), float(np.degrees(np.arccos(cosine)))

@@ -408,11 +408,11 @@ def foreseen(landmarks: Callable[[Case], Indices]) -> float:
         seen = np.array([one[chosen].ravel() for one in laid])
         unseen = np.array([places.on(one).ravel() for one in laid])
         to_template = procrustes(case.person[chosen], case.template[chosen], True)
-        told = to_template.apply(case.person[chosen]).ravel() - seen.mean(axis=0)
+        offset = to_template.apply(case.person[chosen]).ravel() - seen.mean(axis=0)
         spread = seen - seen.mean(axis=0)
         gram = spread @ spread.T
         weights = np.linalg.solve(
-            gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), spread @ told
+            gram + RIDGE * np.trace(gram) / len(gram) * np.eye(len(gram)), spread @ offset
         )
         found = unseen.mean(axis=0) + weights @ (unseen - unseen.mean(axis=0))
         back = to_template.inverse().apply(found.reshape(-1, 3))

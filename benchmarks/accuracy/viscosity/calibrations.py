@@ -49,7 +49,7 @@ def measure_plates() -> Iterator[Row]:
         turns = np.array([vector_from_rotation(one.rotation @ AXES.T) for one in found])
         shifts = np.array([one.center - CENTER for one in found])
         shown = np.isfinite(pose_deviations(found[0])[3:])
-        told = np.array([pose_deviations(one) for one in found])[:, [True, True, True, *shown]]
+        stated = np.array([pose_deviations(one) for one in found])[:, [True, True, True, *shown]]
         errors = np.hstack([turns, shifts[:, shown]])
         yield {
             "placements (simulated)": name,
@@ -63,7 +63,7 @@ def measure_plates() -> Iterator[Row]:
                 1e3 * float(np.mean([np.sqrt(np.mean(one.left_out_distances**2)) for one in found]))
             ),
             "error over estimated SD": float(
-                np.sqrt(np.mean(np.mean(errors**2, axis=0) / np.mean(told**2, axis=0)))
+                np.sqrt(np.mean(np.mean(errors**2, axis=0) / np.mean(stated**2, axis=0)))
             ),
             "5 mm found significant": f"{_found_off(places, mass, pushed)} of {RUNS}",
             "right one called off": f"{_found_off(places, mass, pushed, off=False)} of {RUNS}",
@@ -161,13 +161,13 @@ def measure_clocks() -> Iterator[Row]:
         ("1 N, 1 mrad", 1.0, 1e-3, 0.0123, 40e-6),
     ):
         errors = []
-        told = []
+        stated = []
         for seed in range(10):
             clock = wrench_clock(*_recorded(rotations, spline, offset, drift, seed, force, angle))
             errors.append((clock.offset - offset - drift * clock.epoch, clock.drift - drift))
-            told.append((clock.offset_sd, clock.drift_sd))
+            stated.append((clock.offset_sd, clock.drift_sd))
         rms = np.sqrt(np.mean(np.square(errors), axis=0))
-        usual = np.mean(told, axis=0)
+        usual = np.mean(stated, axis=0)
         bound = _bound(time, wrench, force)
         yield {
             "noise (simulated)": name,

@@ -78,5 +78,7 @@ def _verdict(printed: float, ours: float, reachable: tuple[float, float]) -> str
     if off < 1.0:
         return "yes"
     explained = reachable[0] <= printed + half and printed - half <= reachable[1]
-    told = f"inputs so rounded give {reachable[0]:.3E} to {reachable[1]:.3E}"
-    return f"no: rounding of the inputs ({told})" if explained else f"no: not by rounding ({told})"
+    reason = f"inputs so rounded give {reachable[0]:.3E} to {reachable[1]:.3E}"
+    return (
+        f"no: rounding of the inputs ({reason})" if explained else f"no: not by rounding ({reason})"
+    )
