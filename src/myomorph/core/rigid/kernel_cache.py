@@ -12,32 +12,42 @@ written before the first kernel is called.
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import inspect
-import os
 import sys
 from collections.abc import Callable, Mapping
-from functools import cache, cached_property
+from functools import cached_property
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numba.np.linalg
-from numba import config, njit
+import numpy as np
+from numba import njit, types
+from numba.core import intrinsics
 from numba.core.caching import (
     CompileResultCacheImpl,
     FunctionCache,
     IndexDataCacheFile,
     _CacheLocator,
 )
-from numba.misc.appdirs import AppDirs
 
-from myomorph import __version__
+from myomorph.core.rigid.kernel_code import (
+    NUMBERS,
+    CodeHead,
+    Key,
+    array_name,
+    class_name,
+    code_digest,
+    kernel_name,
+    store_code,
+)
+from myomorph.core.rigid.kernel_files import OURS, kernel_folder, source_digest
 
 LOCK = "kernels.lock"
+LOCKS = "locks"
+"""Folder of a lock for each kernel, held by the process that compiles it."""
+MAX_COMPILING = 300.0  # For another process to compile a kernel [s]; then this one does so, too
 MAX_WAIT = 60.0  # For others to save a kernel [s]; after that a process does not save its own
-PACKAGE = Path(__file__).resolve().parents[2]
-OURS = "myomorph."
+LAYOUTS = ("A", "C", "F")
 
 
 def _load_array_functions() -> None:
@@ -69,56 +79,54 @@ def dispatcher_of(
     announce : called before the function is compiled
     """
     dispatcher: Any = njit(nogil=True, **{"error_model": "numpy", **options})(function)
-    dispatcher._cache = KernelCache(function, announce)
+    kernel_cache = KernelCache(function, announce)
+    dispatcher._cache = kernel_cache
+    compile_now = dispatcher._compiler.compile
+
+    def compile_or_release(*arguments: Any) -> Any:
+        try:
+            return compile_now(*arguments)
+        except BaseException:
+            kernel_cache.release()
+            raise
+
+    dispatcher._compiler.compile = compile_or_release
     return dispatcher
 
 
-def kernel_folder() -> Path:
-    """Folder of the kernels of this version and copy of the package; it need not exist."""
-    root = Path(config.CACHE_DIR or AppDirs("myomorph", appauthor=False).user_cache_dir)
-    copy = hashlib.sha256(os.fsencode(PACKAGE)).hexdigest()[:8]
-    return root / f"myomorph-{__version__}-{copy}"
+def type_key(kinds: tuple[Any, ...]) -> Key | None:
+    """Name Numba's types of arguments as `call_key` names those of values.
 
+    Parameters
+    ----------
+    kinds : Numba's types
 
-def can_keep_kernels() -> bool:
-    """Whether code of kernels can be saved in their folder, which is made where it is missing."""
-    folder = kernel_folder()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        return False
-    return os.access(folder, os.W_OK)
-
-
-@cache
-def _fingerprint(module: str) -> str:
-    """Hash of the sources of a module and of all modules whose kernels it calls.
-
-    Those of a class with `kernels`, in a module or a tuple of one, are found by type when a kernel
-    is compiled.
+    Returns
+    -------
+    None where a value of one of them is not told from others by `call_key`
     """
-    sources: dict[str, bytes] = {}
-    pending = [module]
-    while pending:
-        name = pending.pop()
-        if name in sources:
-            continue
-        sources[name] = Path(str(sys.modules[name].__file__)).read_bytes()
-        for value in vars(sys.modules[name]).values():
-            for part in value if isinstance(value, tuple) else (value,):
-                pending += _modules_of(part)
-    return hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()
+    key = tuple(map(_type_name, kinds))
+    return None if None in key else key
 
 
-def _modules_of(value: Any) -> list[str]:
-    """Names of the modules whose kernels a value of a module's namespace brings in."""
-    if inspect.ismodule(value):
-        return [value.__name__] if value.__name__.startswith(OURS) else []
-    if isinstance(value, type):
-        return [value.__module__] if hasattr(value, "kernels") else []
-    if callable(value) and hasattr(value, "py_func"):
-        return [value.py_func.__module__]
-    return []
+def _type_name(kind: Any) -> Any:
+    if isinstance(kind, types.Array):
+        number = _number_name(kind.dtype)
+        if number is None or kind.layout not in LAYOUTS or not kind.aligned:
+            return None
+        return array_name(number, kind.ndim, kind.layout, kind.mutable)
+    if isinstance(kind, types.BaseTuple):
+        parts = tuple(map(_type_name, kind.types))
+        name = class_name(getattr(kind, "instance_class", tuple))
+        return None if name is None or None in parts else (name, *parts)
+    if isinstance(kind, types.NoneType):
+        return "none"
+    return _number_name(kind)
+
+
+def _number_name(kind: Any) -> str | None:
+    name = str(kind)
+    return name if name in NUMBERS.values() else None
 
 
 def _ours(kind: Any) -> bool:
@@ -182,7 +190,7 @@ class _Locator(_CacheLocator):  # type: ignore[misc]
 
     def get_source_stamp(self) -> str:
         """Return what changes where the source of a kernel does."""
-        return _fingerprint(self._module)
+        return source_digest(self._module)
 
     def get_disambiguator(self) -> str:
         """Return what distinguishes kernels of one module: the line."""
@@ -195,7 +203,8 @@ class _Code(CompileResultCacheImpl):  # type: ignore[misc]
     def __init__(self, function: Callable[..., Any]) -> None:
         self._locator = _Locator(function)
         self._lineno = function.__code__.co_firstlineno
-        name = f"{function.__module__.removeprefix('myomorph.')}.{function.__qualname__}"
+        self._function = function
+        name = f"{function.__module__.removeprefix(OURS)}.{function.__qualname__}"
         self._filename_base = self.get_filename_base(name, getattr(sys, "abiflags", ""))
 
 
@@ -221,20 +230,106 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         stamp = self._impl.locator.get_source_stamp()
         return KernelFile(self._cache_path, self._impl.filename_base, stamp)
 
+    @cached_property
+    def _lock(self) -> Any:
+        # Only what compiles needs it.
+        from filelock import FileLock
+
+        folder = kernel_folder() / LOCKS
+        folder.mkdir(parents=True, exist_ok=True)
+        return FileLock(folder / f"{kernel_name(self._py_func)}.lock")
+
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load the code of a signature.
 
         None where it is absent, damaged or out of reach; then it is compiled, which is announced.
+        Where another process compiles the kernel, its code is waited for: what several workers need
+        is compiled once.
         """
-        loaded = None
-        if all(_ours(kind) for kind in sig):
-            with contextlib.suppress(OSError, EOFError):
-                loaded = super().load_overload(sig, target_context)
+        if not all(_ours(kind) for kind in sig):
+            self._announce()
+            return None
+        loaded = self._from_disk(sig, target_context)
+        if loaded is None and self._hold():
+            loaded = self._from_disk(sig, target_context)
+            if loaded is not None:
+                self.release()
         if loaded is None:
             self._announce()
         return loaded
 
+    def _from_disk(self, sig: Any, target_context: Any) -> Any:
+        with contextlib.suppress(OSError, EOFError):
+            return super().load_overload(sig, target_context)
+        return None
+
+    def _hold(self) -> bool:
+        """Whether this process now holds the lock of the kernel, after other processes."""
+        try:
+            self._lock.acquire(timeout=0.0)
+        except TimeoutError:
+            self._announce()
+            return self._held_later()
+        except (OSError, NotImplementedError):
+            return False
+        return True
+
+    def _held_later(self) -> bool:
+        try:
+            self._lock.acquire(timeout=MAX_COMPILING)
+        except OSError:
+            return False
+        return True
+
+    def release(self) -> None:
+        """Let other processes compile the kernel, or load what was compiled."""
+        lock = vars(self).get("_lock")
+        if lock is not None and lock.is_locked:
+            lock.release()
+
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store the code of a signature, unless it has a type from outside the package."""
-        if all(_ours(kind) for kind in sig):
-            super().save_overload(sig, data)
+        try:
+            if all(_ours(kind) for kind in sig):
+                super().save_overload(sig, data)
+                with contextlib.suppress(OSError):
+                    _store_alone(self._py_func, sig, data)
+        finally:
+            self.release()
+
+
+def _store_alone(function: Callable[..., Any], kinds: tuple[Any, ...], compiled: Any) -> None:
+    """Store code that runs without Numba, where it can: what only kernels call has no wrapper.
+
+    Parameters
+    ----------
+    function : that was compiled
+    kinds : Numba's types of its arguments
+    compiled : what Numba made of it
+    """
+    key = type_key(kinds)
+    whole = compiled.library._final_module
+    wrapper = compiled.fndesc.llvm_cpython_wrapper_name
+    environments = (compiled.environment, *compiled._find_referenced_environments())
+    constants = [value for environment in environments for value in environment.consts]
+    only_numbers = all(isinstance(value, np.dtype) and value in NUMBERS for value in constants)
+    has_wrapper = any(part.name == wrapper and not part.is_declaration for part in whole.functions)
+    if key is None or not only_numbers or not has_wrapper or compiled.reload_init:
+        return
+    _, _, (code, _) = compiled.library.serialize_using_object_code()
+    declared = (
+        part.name for part in (*whole.functions, *whole.global_variables) if part.is_declaration
+    )
+    head = CodeHead(
+        kernel=kernel_name(function),
+        key=key,
+        wrapper=wrapper,
+        environments=[
+            (environment.env_name, [NUMBERS[number] for number in environment.consts])
+            for environment in environments
+        ],
+        symbols=sorted(name for name in declared if not name.startswith("llvm.")),
+        mathematics=sorted(intrinsics.INTR_MATH),
+        digest=code_digest(code),
+    )
+    store_code(function, head, code)

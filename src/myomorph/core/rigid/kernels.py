@@ -15,6 +15,9 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
+from myomorph.core.rigid.kernel_code import Key, call_key, stored_code, stored_keys
+from myomorph.core.rigid.kernel_files import can_keep_kernels, kernel_folder
+
 _INTERPRETED = ContextVar("_INTERPRETED", default=False)
 _LOCK = RLock()
 _OVERLOADS: list[tuple[Callable[..., Any], Callable[..., Any]]] = []
@@ -37,12 +40,29 @@ class Kernel:
         self.py_func = function
         self.options = dict(options)
         self._dispatcher: Any = None
+        self._forms: dict[Key | None, Callable[..., Any]] = {}
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         """Call the compiled function, or within `interpreted` the function itself."""
         if _INTERPRETED.get():
             return self.py_func(*arguments, **named)
-        return self.dispatcher(*arguments, **named)
+        if named:
+            return self.dispatcher(*arguments, **named)
+        key = call_key(arguments)
+        form = self._forms.get(key) or self._new_form(key)
+        return form(*arguments)
+
+    def _new_form(self, key: Key | None) -> Callable[..., Any]:
+        """Take the code for arguments of some types from the disk, or else Numba's dispatcher."""
+        with _LOCK:
+            form = self._forms.get(key) or stored_code(self.py_func, key) or self.dispatcher
+            self._forms[key] = form
+        return form
+
+    @property
+    def forms(self) -> int:
+        """For how many kinds of arguments this process has code, loaded or compiled."""
+        return len(self._forms)
 
     @property
     def dispatcher(self) -> Any:
@@ -149,16 +169,9 @@ def interpreted() -> Iterator[None]:
         _INTERPRETED.reset(before)
 
 
-def signatures_on_disk(kernel: Kernel) -> list[tuple[Any, ...]]:
+def signatures_on_disk(kernel: Kernel) -> list[Key]:
     """List the argument types for which code of a kernel, of the present sources, is on disk."""
-    return [key[0] for key in kernel.dispatcher._cache._cache_file._load_index()]
-
-
-def kernel_folder() -> Path:
-    """Folder of the kernels of this version and copy of the package; it need not exist."""
-    from myomorph.core.rigid import kernel_cache
-
-    return kernel_cache.kernel_folder()
+    return stored_keys(kernel.py_func)
 
 
 def before_compiling(listener: Callable[[Path, bool], None]) -> None:
@@ -174,7 +187,5 @@ def before_compiling(listener: Callable[[Path, bool], None]) -> None:
 def _announce() -> None:
     """Call the listeners that were not called yet."""
     for listener in [listener for listener, called in _ANNOUNCED.items() if not called]:
-        from myomorph.core.rigid.kernel_cache import can_keep_kernels
-
         _ANNOUNCED[listener] = True
         listener(kernel_folder(), can_keep_kernels())

@@ -24,7 +24,8 @@ from myomorph.core.model.series import Motion, Series
 from myomorph.core.model.spatial import Transform
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.rigid.dynamics import inverse_dynamics
-from myomorph.core.rigid.kernels import kernel_folder, signatures_on_disk
+from myomorph.core.rigid.kernel_files import kernel_folder
+from myomorph.core.rigid.kernels import signatures_on_disk
 from myomorph.lab.store.progress import progress
 
 AHEAD = "myomorph.lab.study.workers.ahead"
@@ -88,16 +89,13 @@ def wraps_of(model: Model) -> frozenset[str]:
 
 def cached(wraps: frozenset[str] = frozenset()) -> bool:
     """Whether an earlier command has left the muscle kernels on disk."""
-    # Numba is imported by what computes alone.
-    from numba import types
-
+    # Kernels of muscles are not imported by what needs none.
     from myomorph.core.muscles.path import path_frames
 
     wanted = [kind in wraps for kind in (SURFACES, TENDONS)]
     signatures = signatures_on_disk(path_frames)
     return any(
-        [not isinstance(part, types.NoneType) for part in signature[2].types] == wanted
-        for signature in signatures
+        [rules != "none" for rules in signature[2][1:]] == wanted for signature in signatures
     )
 
 

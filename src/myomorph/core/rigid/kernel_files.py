@@ -1,0 +1,79 @@
+"""Where machine code of kernels lies on disk, and from which sources it was made."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import os
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+PACKAGE = Path(__file__).resolve().parents[2]
+OURS = "myomorph."
+
+
+def kernel_folder() -> Path:
+    """Folder of the kernels of this version and copy of the package; it need not exist."""
+    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    root = Path(chosen) if chosen else _user_folder()
+    copy = hashlib.sha256(os.fsencode(PACKAGE)).hexdigest()[:8]
+    return root / f"myomorph-{package_version()}-{copy}"
+
+
+def package_version() -> str:
+    """Version of the package, which is imported: its face names all rooms, this one too."""
+    return str(sys.modules[__name__.partition(".")[0]].__version__)
+
+
+def _user_folder() -> Path:
+    """Folder in which the operating system has programs keep what they can make anew."""
+    home = Path.home()
+    if sys.platform == "win32":
+        local = os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local"
+        return Path(local) / "myomorph" / "Cache"
+    if sys.platform == "darwin":
+        return home / "Library" / "Caches" / "myomorph"
+    return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "myomorph"
+
+
+def can_keep_kernels() -> bool:
+    """Whether code of kernels can be saved in their folder, which is made where it is missing."""
+    folder = kernel_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
+
+
+@cache
+def source_digest(module: str) -> str:
+    """Hash of the sources of a module and of all modules whose kernels it calls.
+
+    Those of a class with `kernels`, in a module or a tuple of one, are found by type when a kernel
+    is compiled.
+    """
+    sources: dict[str, bytes] = {}
+    pending = [module]
+    while pending:
+        name = pending.pop()
+        if name in sources:
+            continue
+        sources[name] = Path(str(sys.modules[name].__file__)).read_bytes()
+        for value in vars(sys.modules[name]).values():
+            for part in value if isinstance(value, tuple) else (value,):
+                pending += _modules_of(part)
+    return hashlib.sha256(b"".join(sources[name] for name in sorted(sources))).hexdigest()
+
+
+def _modules_of(value: Any) -> list[str]:
+    """Names of the modules whose kernels a value of a module's namespace brings in."""
+    if inspect.ismodule(value):
+        return [value.__name__] if value.__name__.startswith(OURS) else []
+    if isinstance(value, type):
+        return [value.__module__] if hasattr(value, "kernels") else []
+    if callable(value) and hasattr(value, "py_func"):
+        return [value.py_func.__module__]
+    return []
