@@ -308,28 +308,37 @@ def _store_alone(function: Callable[..., Any], kinds: tuple[Any, ...], compiled:
     compiled : what Numba made of it
     """
     key = type_key(kinds)
+    environments = _environments(compiled)
     whole = compiled.library._final_module
+    symbols = [*whole.functions, *whole.global_variables]
     wrapper = compiled.fndesc.llvm_cpython_wrapper_name
-    environments = (compiled.environment, *compiled._find_referenced_environments())
-    constants = [value for environment in environments for value in environment.consts]
-    only_numbers = all(isinstance(value, np.dtype) and value in NUMBERS for value in constants)
-    has_wrapper = any(part.name == wrapper and not part.is_declaration for part in whole.functions)
-    if key is None or not only_numbers or not has_wrapper or compiled.reload_init:
+    inside = {symbol.name for symbol in symbols if not symbol.is_declaration}
+    outside = {symbol.name for symbol in symbols if symbol.is_declaration}
+    if key is None or environments is None or wrapper not in inside or compiled.reload_init:
         return
     _, _, (code, _) = compiled.library.serialize_using_object_code()
-    declared = (
-        part.name for part in (*whole.functions, *whole.global_variables) if part.is_declaration
-    )
     head = CodeHead(
         kernel=kernel_name(function),
         key=key,
         wrapper=wrapper,
-        environments=[
-            (environment.env_name, [NUMBERS[number] for number in environment.consts])
-            for environment in environments
-        ],
-        symbols=sorted(name for name in declared if not name.startswith("llvm.")),
+        environments=environments,
+        symbols=sorted(name for name in outside if not name.startswith("llvm.")),
         mathematics=sorted(intrinsics.INTR_MATH),
         digest=code_digest(code),
     )
     store_code(function, head, code)
+
+
+def _environments(compiled: Any) -> list[tuple[str, list[str]]] | None:
+    """List the environments of code, the wrapper's first, with the kinds of numbers they hold.
+
+    None where one holds another object.
+    """
+    named = []
+    for environment in (compiled.environment, *compiled._find_referenced_environments()):
+        if not all(
+            isinstance(value, np.dtype) and value in NUMBERS for value in environment.consts
+        ):
+            return None
+        named.append((environment.env_name, [NUMBERS[value] for value in environment.consts]))
+    return named

@@ -192,7 +192,7 @@ def stored_keys(function: Callable[..., Any]) -> list[Key]:
     for path in kernel_folder().glob(f"{name}-*{SUFFIX}"):
         try:
             head, _ = _read(path)
-        except (OSError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError, KeyError):
             continue
         if path == _code_file(function, head.key):
             keys.append(head.key)
@@ -261,9 +261,18 @@ def _numba_home() -> Path:
 def _read(path: Path) -> tuple[CodeHead, bytes]:
     line, _, code = path.read_bytes().partition(b"\n")
     values = json.loads(line)
-    if values.pop("form") != FORM or values["digest"] != code_digest(code):
+    if values["form"] != FORM or values["digest"] != code_digest(code):
         raise ValueError(f"{path} is no code of this version, or damaged")
-    return CodeHead(**values | {"key": _as_tuple(values["key"])}), code  # page: fields of the file
+    head = CodeHead(
+        kernel=values["kernel"],
+        key=_as_tuple(values["key"]),
+        wrapper=values["wrapper"],
+        environments=values["environments"],
+        symbols=values["symbols"],
+        mathematics=values["mathematics"],
+        digest=values["digest"],
+    )
+    return head, code
 
 
 def _as_tuple(value: Any) -> Any:
