@@ -42,7 +42,7 @@ COMPARISONS = {
     ),
     "live-delay": (
         "benchmarks.speed.live_delay",
-        "how late angles, torques and tensions are while frames arrive",
+        "latency of angles, torques and tensions while frames arrive",
     ),
     "live-sensors": (
         "benchmarks.speed.live_delay:run_sensors",
@@ -91,23 +91,23 @@ COMPARISONS = {
     ),
     "draws": (
         "benchmarks.speed.draws",
-        "limits of results: 200 draws of a 10 s walk beside the walk alone",
+        "intervals of results: 200 draws of a 10 s walk, and the walk alone",
     ),
     "study": (
         "benchmarks.speed.study",
-        "1,000 short trials: workers side by side, memory, what a trial costs",
+        "1,000 short trials: workers side by side, memory, cost of a trial",
     ),
     "fuzz": (
         "benchmarks.fuzz",
-        "readers of files given wrong ones: inputs tried, and what came out",
+        "readers on wrong files: inputs tried, and their outcomes",
     ),
     "revision": (
         "benchmarks.speed.revision",
-        "functions and commands beside those of --before REVISION, in turns",
+        "functions and commands against those of --before REVISION, in turns",
     ),
     "page": (
         "benchmarks.page",
-        "how hard the code is to read, by wing; --before REVISION",
+        "readability of the code, by wing; --before REVISION",
     ),
     "first_result": (
         "benchmarks.first_result",
@@ -119,7 +119,7 @@ COMPARISONS = {
     ),
     "trial_path": (
         "benchmarks.trial_path",
-        "through how many files the inputs of a trial pass; --tree PATH",
+        "number of files that the inputs of a trial pass through; --tree PATH",
     ),
     "release": (
         "benchmarks.release",
@@ -146,7 +146,7 @@ COMPARISONS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What a command line asks for.
+    """Request of a command line.
 
     Attributes
     ----------
@@ -205,7 +205,7 @@ def main() -> None:
 
 
 def print_rows(rows: list[dict[str, object]]) -> None:
-    """Rows as text, one line each."""
+    """Print rows as text, one line each."""
     for row in rows:
         print("; ".join(f"{key}: {_short(value)}" for key, value in row.items()))
 
