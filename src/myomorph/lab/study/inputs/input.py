@@ -5,7 +5,7 @@ It has its settings, where it is found, and how it is opened and fitted to the m
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, Self, TypeVar, runtime_checkable
@@ -27,6 +27,11 @@ class ByType:
 
     def __init__(self, *values: object):
         self._values = {type(value): value for value in values if value is not None}
+
+    @classmethod
+    def of(cls, values: Iterable[object]) -> Self:
+        """Collect the values that are not None."""
+        return cls(*values)
 
     def __iter__(self) -> Iterator[Any]:
         return iter(self._values.values())

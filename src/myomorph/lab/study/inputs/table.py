@@ -94,4 +94,4 @@ def settings_of_keys(values: Mapping[str, Any], among: Iterable[str] | None = No
         own = {key.name: values[key.name] for key in declared.keys if key.name in values}
         if any(own[key.name] != key.default for key in declared.keys if key.name in own):
             made.append(declared.settings(**own))
-    return ByType(*made)  # page: a collection, whose values have no names
+    return ByType.of(made)

@@ -290,50 +290,8 @@ def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInpu
     `drawn`: with the meshes that lie beside the model's file, which tables of values do not need.
     """
     facts = stored.facts
-    mass = stored.facts.get("mass", "")
-    notes = json.loads(facts.get("notes", "{}"))
-    truth = store.get_truth(stored)
-    head = PageHead(
-        title=": ".join(part for part in (facts.get("subject", ""), facts.get("trial", "")) if part)
-        or model.name,
-        date=max((made.date for made in stored.provenance.values()), default=""),
-        version=__version__,
-        notes=tuple(
-            Note(kind, text)
-            for kind in ("real", "simulated", "assumed")
-            for text in notes.get(kind, ())
-        ),
-        sources=_sources(stored.provenance),
-        steps=tuple(
-            _shown_step(step, stored) for step in STEPS["trial"] if step in stored.provenance
-        ),
-        warnings=(*messages_of(facts.get("warnings", "[]")), *_mass_warning(mass, model)),
-    )
-    recorded = Recorded(
-        subject=facts.get("subject", ""),
-        mass=float(mass) if mass else None,
-        age=_number(facts, "age"),
-        sex=facts.get("sex", ""),
-        height=_number(facts, "height"),
-        facts=FrozenMap({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
-        emg=store.get_emg(stored),
-        emg_muscles={
-            name: tuple(of) for name, of in json.loads(facts.get("emg_muscles", "{}")).items()
-        },
-        plates=store.get_plates(stored),
-        events=store.get_events(stored) or None,
-        truth=(
-            Truth(
-                motion=truth.get(COORDINATE_VALUE.name),
-                torques=truth.get(GENERALIZED_FORCE.name),
-                activations=truth.get(ACTIVATION.name),
-            )
-            if truth
-            else None
-        ),
-        movement=recorded_movement(facts),
-        date=facts.get("date", ""),
-    )
+    head = _page_head(stored, model)
+    recorded = _recorded(stored)
     phases = tuple(
         Phase(name=name, start=start, stop=stop)
         for name, (start, stop) in json.loads(facts.get("phases", "{}")).items()
@@ -348,6 +306,64 @@ def report_input(stored: Stored, model: Model, drawn: bool = True) -> ReportInpu
     for step in STEPS["trial"]:
         shown = step_of(step).show(shown, stored)
     return shown
+
+
+def _page_head(stored: Stored, model: Model) -> PageHead:
+    """Return title, notes, sources and steps of a result for the top of its page."""
+    facts = stored.facts
+    notes = json.loads(facts.get("notes", "{}"))
+    names = (facts.get("subject", ""), facts.get("trial", ""))
+    steps = [step for step in STEPS["trial"] if step in stored.provenance]
+    return PageHead(
+        title=": ".join(name for name in names if name) or model.name,
+        date=max((made.date for made in stored.provenance.values()), default=""),
+        version=__version__,
+        notes=tuple(
+            Note(kind, text)
+            for kind in ("real", "simulated", "assumed")
+            for text in notes.get(kind, ())
+        ),
+        sources=_sources(stored.provenance),
+        steps=tuple(_shown_step(step, stored) for step in steps),
+        warnings=(
+            *messages_of(facts.get("warnings", "[]")),
+            *_mass_warning(facts.get("mass", ""), model),
+        ),
+    )
+
+
+def _recorded(stored: Stored) -> Recorded:
+    """Return what was recorded of the subject and the trial."""
+    facts = stored.facts
+    mass = facts.get("mass", "")
+    muscles = json.loads(facts.get("emg_muscles", "{}"))
+    return Recorded(
+        subject=facts.get("subject", ""),
+        mass=float(mass) if mass else None,
+        age=_number(facts, "age"),
+        sex=facts.get("sex", ""),
+        height=_number(facts, "height"),
+        facts=FrozenMap({"Body mass": f"{float(mass):.4g} kg"} if mass else {}),
+        emg=store.get_emg(stored),
+        emg_muscles={name: tuple(of) for name, of in muscles.items()},
+        plates=store.get_plates(stored),
+        events=store.get_events(stored) or None,
+        truth=_truth(stored),
+        movement=recorded_movement(facts),
+        date=facts.get("date", ""),
+    )
+
+
+def _truth(stored: Stored) -> Truth | None:
+    """Return what is known of a simulated recording, None of any other."""
+    truth = store.get_truth(stored)
+    if not truth:
+        return None
+    return Truth(
+        motion=truth.get(COORDINATE_VALUE.name),
+        torques=truth.get(GENERALIZED_FORCE.name),
+        activations=truth.get(ACTIVATION.name),
+    )
 
 
 def _number(facts: Mapping[str, str], name: str) -> float | None:

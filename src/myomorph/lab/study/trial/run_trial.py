@@ -10,11 +10,11 @@ import re
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from myomorph.core.io.parsing.named_file import is_named_file
 from myomorph.core.model.messages import unique
@@ -134,23 +134,12 @@ class TrialSteps(JobSteps):
 
         Its file is opened once.
         """
-        expected = [VALUES, trial_step.PAGE] if self.reports else [VALUES]
-        if any(self._damage.values()) or self._altered_pages():
+        if not self._is_whole():
             return None
-        if self.parts.exists() or not all(
-            (self.folder / name).is_file() for name in (self.stored.name, *expected)
-        ):
-            return None
-        values = [step_of(step) for step in self.steps]
+        telling = [step for step in map(step_of, self.steps) if step.outcome is not None]
         with open_netcdf(self.stored) as file:
-            made = store.made_from(file.attributes)
-            # A step that nobody asks for now is for a run to keep or to remove.
-            key = trial_step.report_key(self.trial, self.steps)
-            if set(made) != set(self.steps) or file.attributes.get(trial_step.KEY, "") != key:
+            if not self._would_be_made_so(file.attributes):
                 return None
-            if any(made[step].key != self.provenance(step).key for step in self.steps):
-                return None
-            telling = [step for step in values if step.outcome is not None]
             stored = store.stored_values(
                 self.stored,
                 file,
@@ -162,6 +151,23 @@ class TrialSteps(JobSteps):
             *(step.read(stored, self.trial.options) for step in telling)
         )
         return self._with_results(replace(self.outcome, done=done, reused=done), results)
+
+    def _is_whole(self) -> bool:
+        """Return whether the folder has all files that a run would leave, none of them altered."""
+        if any(self._damage.values()) or self._altered_pages() or self.parts.exists():
+            return False
+        expected = [VALUES, trial_step.PAGE] if self.reports else [VALUES]
+        names = (self.stored.name, *expected)
+        return all((self.folder / name).is_file() for name in names)
+
+    def _would_be_made_so(self, attributes: Mapping[str, Any]) -> bool:
+        """Return whether a result file holds what these steps would find now, and nothing else."""
+        made = store.made_from(attributes)
+        # A step that nobody asks for now is for a run to keep or to remove.
+        key = trial_step.report_key(self.trial, self.steps)
+        if set(made) != set(self.steps) or attributes.get(trial_step.KEY, "") != key:
+            return False
+        return all(made[step].key == self.provenance(step).key for step in self.steps)
 
     def _altered_pages(self) -> tuple[str, ...]:
         """Files made of all results that are damaged or were edited."""
@@ -267,45 +273,63 @@ class TrialSteps(JobSteps):
         whichever of them were reused, so that the file is the same either way. The tables of muscle
         paths, of which there are many, get a folder of their own.
         """
-        held = self._held
-        parts = self.parts
-        fresh = [
-            step for step in outcome.done if step in held.files or (parts / step / PART).is_file()
-        ]
-        others = [step for step in self._files if step not in self.steps and not self.reasons(step)]
-        lost = [step for step in self._files if step not in outcome.done and step not in others]
+        fresh = [step for step in outcome.done if self._is_fresh(step)]
+        others = self._others()
+        lost = set(self._files).difference(outcome.done, others)
         if not fresh and not lost and trial_step.same_report(self.folder, self.trial, outcome.done):
             return None
-        whole = HeldFile() if held.allowed else None
-        every = [step for step in STEPS["trial"] if step in outcome.done or step in others]
+        every = [step for step in STEPS["trial"] if step in (*outcome.done, *others)]
+        whole = HeldFile() if self._held.allowed else None
         with store.new_result(self.stored) as writer:
-            gathered = writer if whole is None else store.ResultWriter(whole)
-            if whole is not None:
+            if whole is None:
+                self._fill(writer, every, outcome.done)
+            else:
+                in_memory = store.ResultWriter(whole)
                 whole.attributes |= store.WHOSE
-            trial_step.keep_facts(gathered, self.trial, outcome.done)
-            for step in every:
-                if step in held.files:
-                    gathered.take(held.files[step], (step,))
-                else:
-                    gathered.copy(
-                        parts / step / PART if step in fresh else self._files[step], (step,)
-                    )
-            gathered.gather_remarks(every, self.trial.warnings)
-            if whole is not None:
+                self._fill(in_memory, every, outcome.done)
                 writer.take(whole, every)
                 # Before the file has its name: whoever finds it there finds the tables, too.
-                _move_tables(fresh, parts, self.folder)
+                _move_tables(fresh, self.parts, self.folder)
             # A report and values of the results before must not stand beside those that come now.
             for name in (trial_step.PAGE, VALUES):
                 (self.folder / name).unlink(missing_ok=True)
         if whole is None:
-            _move_tables(fresh, parts, self.folder)
-        if parts.is_dir():
-            # Gone at once, so that a run that is killed meanwhile finds all of it or nothing.
-            away = Path(tempfile.mkdtemp(prefix=f"{PARTS}.", dir=self.folder))
-            os.replace(parts, away / "steps")
-            shutil.rmtree(away, ignore_errors=True)
+            _move_tables(fresh, self.parts, self.folder)
+        self._remove_parts()
         return None if whole is None else store.stored_values(self.stored, whole)
+
+    def _others(self) -> list[str]:
+        """List steps of an earlier run that are not requested and would come out the same."""
+        return [step for step in self._files if step not in self.steps and not self.reasons(step)]
+
+    def _is_fresh(self, step: str) -> bool:
+        """Return whether this run, or one that was interrupted, computed a step."""
+        return step in self._held.files or (self.parts / step / PART).is_file()
+
+    def _fill(self, writer: store.ResultWriter, steps: Sequence[str], done: Sequence[str]) -> None:
+        """Put facts and the values of steps, in their order, into one file.
+
+        `done`: those that are requested.
+        """
+        trial_step.keep_facts(writer, self.trial, done)
+        for step in steps:
+            if step in self._held.files:
+                writer.take(self._held.files[step], (step,))
+            elif step in done and self._is_fresh(step):
+                writer.copy(self.parts / step / PART, (step,))
+            else:
+                writer.copy(self._files[step], (step,))
+        writer.gather_remarks(steps, self.trial.warnings)
+
+    def _remove_parts(self) -> None:
+        """Remove the folders of single steps, whose tables and values are elsewhere now.
+
+        They are gone at once, so that a run that is killed meanwhile finds all of them or nothing.
+        """
+        if self.parts.is_dir():
+            away = Path(tempfile.mkdtemp(prefix=f"{PARTS}.", dir=self.folder))
+            os.replace(self.parts, away / "steps")
+            shutil.rmtree(away, ignore_errors=True)
 
 
 def run_trial(

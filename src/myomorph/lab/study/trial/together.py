@@ -26,6 +26,7 @@ from myomorph.core.model.join import (
     join_wrenches,
 )
 from myomorph.core.model.model import Model
+from myomorph.core.model.provenance import Source
 from myomorph.core.model.series import Emg, Motion, Series, Wrenches
 from myomorph.core.model.shown import shown
 from myomorph.core.motion.clocks import on_one_clock
@@ -40,7 +41,7 @@ from myomorph.lab.study.inputs import reading
 from myomorph.lab.study.inputs.contact_file import contact_sources, read_contacts
 from myomorph.lab.study.inputs.contacts import ContactsFile
 from myomorph.lab.study.inputs.emg import RecordedEmg
-from myomorph.lab.study.inputs.input import ByType
+from myomorph.lab.study.inputs.input import ByType, OptionSet
 from myomorph.lab.study.inputs.keys import Notes, Place, WordOrFile
 from myomorph.lab.study.inputs.loads import ExternalLoads
 from myomorph.lab.study.inputs.phases import Phases
@@ -209,53 +210,70 @@ def join_trials(
                 f"'{together.name}': trial of '{name}' has torques of its own: what is solved"
                 " together needs loads"
             )
-    first = next(iter(parts.values())).trial
     models = {name: part.trial.model for name, part in parts.items()}
     motions, notes = on_one_clock({name: part.recorded for name, part in parts.items()})
     recorded = join_motions(motions)
     model = join_models(models, together.name)
-    contacts = ContactsFile(together.contacts, together.measured)
     trials = [part.trial for part in parts.values()]
-    sources = tuple(
-        source for trial in trials for source in trial.sources if source.role != "contacts"
+    contacts = None
+    if together.contacts:
+        contacts = read_contacts(together.contacts, model, together.measured)
+    inputs = (
+        _joined_external(parts, motions),
+        _emg(parts),
+        contacts,
+        trials[0].get(Phases),
+        _truth(parts),
+        JoinedParts(FrozenMap({name: part.source for name, part in parts.items()})),
     )
-    sources += tuple(
-        value_source("coordinates", name, part.made) for name, part in parts.items() if part.made
-    )
-    kinds = {kind for step in (*STEPS["pair"], REPORT) for kind in step_head(step).options}
-    emg_options = (
-        trial.options.get(EmgOptions) for trial in trials if trial.get(RecordedEmg) is not None
-    )
-    contact_options = options_of({"tension": settings.get("tension", {})})[ContactOptions]
-    options = first.options.only(*kinds).having(contact_options, next(emg_options, None))
     joined = TrialInputs(
         name=together.name,
         subject=" and ".join(parts),
         model=model,
-        options=options,
-        inputs=ByType(  # page: a collection, whose values have no names
-            _joined_external(parts, motions),
-            _emg(parts),
-            (
-                read_contacts(together.contacts, model, together.measured)
-                if together.contacts
-                else None
-            ),
-            first.get(Phases),
-            _truth(parts),
-            JoinedParts(FrozenMap({name: part.source for name, part in parts.items()})),
-        ),
-        notes=TrialNotes(
-            real=tuple(dict.fromkeys(text for trial in trials for text in trial.notes.real)),
-            assumed=tuple(dict.fromkeys(text for trial in trials for text in trial.notes.assumed)),
-            simulated=tuple(
-                dict.fromkeys(text for trial in trials for text in trial.notes.simulated)
-            ),
-        ),
-        sources=(*sources, *contact_sources(contacts)),
+        options=_joined_options(trials, settings),
+        inputs=ByType.of(inputs),
+        notes=_joined_notes(trials),
+        sources=_joined_sources(together, parts),
         warnings=tuple(text for trial in trials for text in trial.warnings),
     )
     return joined, Poses(recorded, notes=notes)
+
+
+def _joined_options(trials: Sequence[TrialInputs], settings: Settings) -> OptionSet:
+    """Return options of the steps: those of the first trial, but for contacts and EMG.
+
+    `settings`: of the whole study, whose options of contacts count; those of EMG are of the first
+    trial with EMG.
+    """
+    kinds = {kind for step in (*STEPS["pair"], REPORT) for kind in step_head(step).options}
+    contact_options = options_of({"tension": settings.get("tension", {})})[ContactOptions]
+    emg_options = (
+        trial.options.get(EmgOptions) for trial in trials if trial.get(RecordedEmg) is not None
+    )
+    return trials[0].options.only(*kinds).having(contact_options, next(emg_options, None))
+
+
+def _joined_notes(trials: Sequence[TrialInputs]) -> TrialNotes:
+    """Return the sentences of all trials, each once."""
+    notes = [trial.notes for trial in trials]
+    return TrialNotes(
+        real=tuple(dict.fromkeys(text for each in notes for text in each.real)),
+        assumed=tuple(dict.fromkeys(text for each in notes for text in each.assumed)),
+        simulated=tuple(dict.fromkeys(text for each in notes for text in each.simulated)),
+    )
+
+
+def _joined_sources(together: Together, parts: Mapping[str, Part]) -> tuple[Source, ...]:
+    """Return the sources of all parts; contacts are those of the whole."""
+    of_trials = (source for part in parts.values() for source in part.trial.sources)
+    coordinates = (
+        value_source("coordinates", name, part.made) for name, part in parts.items() if part.made
+    )
+    return (
+        *(source for source in of_trials if source.role != "contacts"),
+        *coordinates,
+        *contact_sources(ContactsFile(together.contacts, together.measured)),
+    )
 
 
 def _emg(parts: Mapping[str, Part]) -> RecordedEmg | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeVar
@@ -254,29 +254,6 @@ class Signals:
     as_measured: bool = False
 
 
-def all_drawn(
-    step: str,
-    series: Series,
-    ending: str,
-    unit: str,
-    statistics: tuple[str, ...],
-    curve: str,
-    factor: float = 1.0,
-) -> Signals:
-    """Columns of one unit that are all drawn."""
-    count = len(series.names)
-    return Signals(
-        step=step,
-        series=series,
-        endings=(ending,) * count,
-        units=(unit,) * count,
-        statistics=statistics,
-        curve=curve,
-        factor=np.full(count, factor),
-        drawn=tuple(range(count)),
-    )
-
-
 def tidy_signals(step: str, series: Series, model: Model) -> Signals:
     """Return columns of a quantity as its declaration has them in tables of values and curves.
 
@@ -341,40 +318,49 @@ def open_trial(files: TrialFiles, settings: Settings, model: Model | None = None
         settings=files.inputs,
         values=ByType(),
     )
-    wanted = inputs_of(files.inputs)
-    parts = list[Opened]()
-    for name in INPUTS:
-        if name not in wanted:
-            continue
-        declared = input_of(name)
-        opened = declared.open(
-            declared.settings() if wanted[name] is None else wanted[name], opening
-        )
-        parts.append(opened)
-        if opened.values:
-            wanted = dict.fromkeys(declared.holds) | wanted
-        options = opening.options.having(*opened.options)
-        values = opening.values.having(*opened.values)
-        opening = replace(opening, options=options, values=values)
-    real = ", ".join(part.real for part in parts if part.real)
-    assumed = tuple(text for part in parts for text in part.assumed)
-    simulated = tuple(text for part in parts for text in part.simulated)
-    texts = (
-        *located(files.model.name, model.warnings),
-        *(t for part in parts for t in part.warnings),
-    )
+    opening, parts = _opened(opening)
+    of_inputs = (warning for part in parts for warning in part.warnings)
     return TrialInputs(
         name=files.name or (files.recording or files.model).stem,
         subject=files.subject or model.name,
         model=model,
         options=opening.options,
         inputs=opening.values,
-        notes=TrialNotes((f"{real[0].upper()}{real[1:]}.",) if real else (), assumed, simulated),
+        notes=_notes_of(parts),
         sources=(
             file_source("model", files.model),
             *(source for part in parts for source in part.sources),
         ),
-        warnings=texts,
+        warnings=(*located(files.model.name, model.warnings), *of_inputs),
+    )
+
+
+def _opened(opening: Opening) -> tuple[Opening, list[Opened]]:
+    """Open a trial's inputs in their order; each sees the values and options of those before it."""
+    wanted = inputs_of(opening.settings)
+    parts = list[Opened]()
+    for name in INPUTS:
+        if name not in wanted:
+            continue
+        declared = input_of(name)
+        settings = declared.settings() if wanted[name] is None else wanted[name]
+        opened = declared.open(settings, opening)
+        parts.append(opened)
+        if opened.values:
+            wanted = dict.fromkeys(declared.holds) | wanted
+        options = opening.options.having(*opened.options)
+        values = opening.values.having(*opened.values)
+        opening = replace(opening, options=options, values=values)
+    return opening, parts
+
+
+def _notes_of(parts: Sequence[Opened]) -> TrialNotes:
+    """Sentences of inputs for the first lines of the report; what was recorded is one sentence."""
+    real = ", ".join(part.real for part in parts if part.real)
+    return TrialNotes(
+        real=(f"{real[0].upper()}{real[1:]}.",) if real else (),
+        assumed=tuple(text for part in parts for text in part.assumed),
+        simulated=tuple(text for part in parts for text in part.simulated),
     )
 
 

@@ -173,11 +173,7 @@ def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStride
             "the feet stand while the body moves; 'limbs' in [strides] tells what else steps"
         )
         return TrialStrides(trial=trial, limbs=names, parts=(), notes=(note,))
-    wrenches = store.get_wrenches(stored)
-    if wrenches is not None and not set(wrenches.bodies) & {
-        body for limb in limbs for body in limb.bodies
-    }:
-        wrenches = None
+    wrenches = _wrenches_on(stored, limbs)
     motion = store.get_motion(stored)
     running = running_events(model, motion, limbs) if by_feet else ()
     facing = facing_of(model, motion, limbs) if by_feet else None
@@ -207,6 +203,13 @@ def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStride
         trial=trial, limbs=names, parts=tuple(parts), notes=tuple(dict.fromkeys(notes))
     )
     return found.on_plates(model, wrenches) if by_feet else found
+
+
+def _wrenches_on(stored: Stored, limbs: Sequence[Limb]) -> Wrenches | None:
+    """Return external forces of a result, None where none acts on a limb."""
+    wrenches = store.get_wrenches(stored)
+    bodies = {body for limb in limbs for body in limb.bodies}
+    return None if wrenches is None or bodies.isdisjoint(wrenches.bodies) else wrenches
 
 
 def _by_feet(model: Model, plan: StridePlan) -> bool:

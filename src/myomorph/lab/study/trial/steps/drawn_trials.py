@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import scipy
@@ -16,6 +16,7 @@ from myomorph.core.contact.plate_forces import PlateForces
 from myomorph.core.contact.site_motion import root_places, walked
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import MyomorphError
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion, Wrenches
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
@@ -375,67 +376,85 @@ def chain_of(
 
     `thin`, at most `POSES` poses and `TENSIONS` tensions a second.
     """
-    markers = None
-    base = None
-    residuals = dict[str, float]()
     recorded = poses.recorded
-    sensors = None
-    modes: tuple[AssumedMode, ...] = ()
     if trial.time is not None:
         recorded = cut(recorded, trial.time[0] - BESIDE, trial.time[1] + BESIDE)
+    posed = _PosedMarkers()
     if poses.fit is not None:
-        checked = solve_kinematics(trial)
-        markers = checked.markers
-        base = checked.fit.motion
-        sensors = checked.sensors
-        modes = _modes_at(checked.fit, recorded.time)
-        if trial.get(RefinedMotion) is not None:
-            # Forces may be shorter than markers, and a refined motion is as long as both.
-            span = float(recorded.time[0]), float(recorded.time[-1])
-            markers = cut(markers, *span)
-            base = cut(base, *span)
-        errors = np.sqrt(np.nanmean(checked.fit.marker_error**2, axis=0))
-        residuals = dict(zip(checked.fit.marker_names, errors.tolist(), strict=True))
+        posed = _recorded_markers(trial, recorded)
     elif trial.model.markers:
-        markers = marker_positions(trial.model, recorded)
-        base = poses_near(
-            trial.model,
-            markers,
-            whole(recorded, trial.model),
-            trial.options[InverseKinematicsOptions],
-        )
+        posed = _model_markers(trial, recorded)
     if torques is None and tense:
         torques = solve_dynamics(trial, recorded)
     trial = _supported(trial, torques if tense else None)
     external = trial.get(ExternalLoads)
-    loads = None if external is None else external.of(recorded)
-    plates = None if external is None else external.as_measured(recorded)
     chain = Chain(
         trial=trial,
         recorded=recorded,
         torques=torques,
         tense=tense,
+        markers=posed.markers,
+        base=posed.base,
+        residuals=posed.residuals,
+        loads=None if external is None else external.of(recorded),
+        plates=None if external is None else external.as_measured(recorded),
+        sensors=posed.sensors,
+        modes=posed.modes,
+    )
+    return _thinned(chain) if thin else chain
+
+
+class _PosedMarkers(NamedTuple):
+    """Markers that draws move, and the motion that follows from them, as `Chain` has them."""
+
+    markers: Markers | None = None
+    base: Motion | None = None
+    residuals: Mapping[str, float] = FrozenMap({})
+    sensors: SensorFit | None = None
+    modes: tuple[AssumedMode, ...] = ()
+
+
+def _recorded_markers(trial: TrialInputs, recorded: Motion) -> _PosedMarkers:
+    """Fit the model to the recorded markers and sensors."""
+    checked = solve_kinematics(trial)
+    markers = checked.markers
+    base = checked.fit.motion
+    if trial.get(RefinedMotion) is not None:
+        # Forces may be shorter than markers, and a refined motion is as long as both.
+        span = float(recorded.time[0]), float(recorded.time[-1])
+        markers = cut(markers, *span)
+        base = cut(base, *span)
+    errors = np.sqrt(np.nanmean(checked.fit.marker_error**2, axis=0))
+    return _PosedMarkers(
         markers=markers,
         base=base,
-        residuals=residuals,
-        loads=loads,
-        plates=plates,
-        sensors=sensors,
-        modes=modes,
+        residuals=dict(zip(checked.fit.marker_names, errors.tolist(), strict=True)),
+        sensors=checked.sensors,
+        modes=_modes_at(checked.fit, recorded.time),
     )
-    if thin:
-        rate = 1.0 / float(np.median(np.diff(recorded.time))) if len(recorded) > 1 else 0.0
-        # Contacts and elastic tendons tie frames to each other.
-        tied = (
-            trial.get(ContactPlan) is not None or trial.options[TensionOptions].tendons == "elastic"
-        )
-        pose_step = max(1, int(rate / POSES))
-        torque_step = 1 if tied else pose_step
-        tension_step = 1 if tied else pose_step * max(1, int(rate / pose_step / TENSIONS))
-        chain = replace(
-            chain, pose_step=pose_step, torque_step=torque_step, tension_step=tension_step
-        )
-    return chain
+
+
+def _model_markers(trial: TrialInputs, recorded: Motion) -> _PosedMarkers:
+    """Put the model's own markers on a motion that was given."""
+    markers = marker_positions(trial.model, recorded)
+    near = whole(recorded, trial.model)
+    options = trial.options[InverseKinematicsOptions]
+    return _PosedMarkers(markers=markers, base=poses_near(trial.model, markers, near, options))
+
+
+def _thinned(chain: Chain) -> Chain:
+    """Draw one of several frames; contacts and elastic tendons tie frames to each other."""
+    trial = chain.trial
+    time = chain.recorded.time
+    rate = 1.0 / float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    tied = trial.get(ContactPlan) is not None or trial.options[TensionOptions].tendons == "elastic"
+    pose_step = max(1, int(rate / POSES))
+    return replace(
+        chain,
+        pose_step=pose_step,
+        torque_step=1 if tied else pose_step,
+        tension_step=1 if tied else pose_step * max(1, int(rate / pose_step / TENSIONS)),
+    )
 
 
 def _modes_at(fit: KinematicsFit, time: Array) -> tuple[AssumedMode, ...]:

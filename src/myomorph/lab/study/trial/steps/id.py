@@ -58,7 +58,6 @@ from myomorph.lab.study.trial.trial_inputs import (
     Signals,
     TrialInputs,
     Value,
-    all_drawn,
     tidy_signals,
 )
 
@@ -354,10 +353,20 @@ def _ground_forces(stored: Stored, model: Model) -> Sequence[Signals]:
         series = vertical_forces(wrenches, model)
     if series is None or not len(series.names) or not model.weight > 0.0:
         return ()
-    made = all_drawn(
-        "id", series, "_vertical_force", "N", ("maximum", "mean"), "vertical force [body weight]"
+    count = len(series.names)
+    return (
+        Signals(
+            step="id",
+            series=series,
+            endings=("_vertical_force",) * count,
+            units=("N",) * count,
+            statistics=("maximum", "mean"),
+            curve="vertical force [body weight]",
+            factor=np.full(count, 1.0) / model.weight,
+            drawn=tuple(range(count)),
+            as_measured=measured is not None,
+        ),
     )
-    return (replace(made, factor=made.factor / model.weight, as_measured=measured is not None),)
 
 
 def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iterator[Value]:

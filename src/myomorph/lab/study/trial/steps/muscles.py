@@ -47,7 +47,7 @@ BLOCK = 512  # Frames that are in memory at a time.
 
 
 def write_muscles(
-    model: Model, motion: Motion, recorded: Motion, writer: ResultWriter, folder: Path, title: str
+    model: Model, motion: Motion, recorded: Motion, output: StepOutput, title: str
 ) -> str:
     """Write lengths, velocities and moment arms of a motion with velocities, and return one line.
 
@@ -59,6 +59,7 @@ def write_muscles(
     a coordinate that can have a moment arm are computed and written; a coordinate that no muscle
     crosses gets no file. Frames without coordinates (NaN) stay NaN.
     """
+    writer = output.writer
     paths = ReportedPaths(model)
     stored = _variables(writer, model, motion, paths.pairs)
     lengths = np.empty((len(motion), len(model.muscles)))
@@ -72,8 +73,8 @@ def write_muscles(
     put_quantity(writer, MUSCLE_VELOCITY, velocities)
     for quantity, values in ((MUSCLE_LENGTH, lengths), (MUSCLE_VELOCITY, velocities)):
         series = Series(motion.time, model.muscle_names, values, quantity=quantity)
-        write_series(folder, series)
-    _arm_tables(motion, paths.pairs, stored, folder)
+        write_series(output.folder, series)
+    _arm_tables(motion, paths.pairs, stored, output.folder)
     return muscles_line(model, motion.time, lengths, velocities)
 
 
@@ -149,7 +150,7 @@ def _run(
     exact = np.where(np.isfinite(exact), exact, motion.values)
     recorded = replace(motion, values=np.where(np.isfinite(motion.values), exact, np.nan))
     title = f"{trial.name}: muscle paths"
-    kinematics = write_muscles(trial.model, motion, recorded, output.writer, output.folder, title)
+    kinematics = write_muscles(trial.model, motion, recorded, output, title)
     return MuscleLengths(notes=notes, summary=kinematics)
 
 

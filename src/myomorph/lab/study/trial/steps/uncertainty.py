@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
@@ -235,19 +235,91 @@ def _run(
     options = trial.options[DrawOptions]
     sources = trial.options[Sources]
     sizes = (trial.get(ErrorSizes) or NOTHING).beside(sources)
-    chain = chain_of(trial, poses, torques, tensions is not None, not options.all_frames)
-    # Each table with all frames, and with those that are drawn.
+    nominal = _nominal(trial, poses, torques, tensions is not None)
+    jobs = _jobs(nominal.chain, options, sources, sizes)
+    drawn = _drawn(trial, nominal, jobs)
+
+    factors = dict.fromkeys(nominal.tables, 1.0)
+    if options.widened:
+        factors = {name: FACTORS.get(name, 1.0) for name in nominal.tables}
+    uncertainty = Uncertainty(
+        spreads={name: widened(spread, factors[name]) for name, spread in drawn.spreads.items()},
+        shares=drawn.shares,
+        draws=options.draws,
+        failed=drawn.failures.unsolved + drawn.failures.weak,
+        notes=_notes(drawn.failures, options.draws),
+        factors=factors,
+        sizes=source_sizes(sources, sizes),
+        gait=widened_gait(drawn.errors.gait, factors),
+    )
+    _write_intervals(nominal.whole, uncertainty, output.folder)
+    _write_table(nominal.whole, uncertainty, output.folder / TABLE)
+    _write_sources(uncertainty.sizes, output.folder / SOURCE_TABLE)
+    put_uncertainty(output.writer, uncertainty)
+    put_value_errors(output.writer, _value_errors(nominal.values, drawn.errors, factors))
+    return uncertainty
+
+
+@dataclass(frozen=True, eq=False)
+class _Nominal:
+    """What errors are drawn around: the results without errors.
+
+    Attributes
+    ----------
+    chain : that draws are computed by
+    whole : tables with all frames
+    drawn : the same tables with the frames that are drawn
+    values : numbers that are stored of each draw
+    walk : for gait curves, None for no walk
+    """
+
+    chain: Chain
+    whole: tuple[DrawnTable, ...]
+    drawn: tuple[DrawnTable, ...]
+    values: DrawnValues
+    walk: DrawnGait | None
+
+    @cached_property
+    def tables(self) -> Tables:
+        """(frames, names) of the tables with the frames that are drawn, by name."""
+        return {quantity.name: quantity.values for quantity in self.drawn}
+
+
+def _nominal(trial: TrialInputs, poses: Poses, torques: Torques | None, tense: bool) -> _Nominal:
+    """Compute the results without errors; `tense`: muscle tensions are among them."""
+    thin = not trial.options[DrawOptions].all_frames
+    chain = chain_of(trial, poses, torques, tense, thin)
     whole, drawn = zip(*chain.quantities(), strict=True)
-    nominal = {quantity.name: quantity.values for quantity in drawn}
-    shapes = {name: values.shape for name, values in nominal.items()}
     strides = strides_of_trial(trial, poses, torques)
     whole_strides = TrialStrides.whole(trial.name, strides)
     if whole_strides is not None and torques is not None:
         whole_strides = whole_strides.on_plates(trial.model, torques.wrenches)
-    values = drawn_values(drawn, whole_strides)
-    walk = None if strides is None else _walk(trial, drawn, strides, torques)
-    errors = DrawnErrors(draws=options.draws, nominal=nominal, values=values, walk=walk)
+    return _Nominal(
+        chain=chain,
+        whole=whole,
+        drawn=drawn,
+        values=drawn_values(drawn, whole_strides),
+        walk=None if strides is None else _walk(trial, drawn, strides, torques),
+    )
 
+
+@dataclass(frozen=True)
+class _Jobs:
+    """Draws in the order in which they are computed.
+
+    Attributes
+    ----------
+    of_all : with the errors of all sources
+    of_groups : with those of one group of sources alone, and of all but it
+    groups : in that order, () where contributions are not requested
+    """
+
+    of_all: list[Draw]
+    of_groups: list[Draw]
+    groups: tuple[str, ...]
+
+
+def _jobs(chain: Chain, options: DrawOptions, sources: Sources, sizes: ErrorSizes) -> _Jobs:
     normals = Normals(options.draws, options.draw_seed)
     draws_of_all = [
         Draw(number=number, sources=sources, normals=normals, found=sizes)
@@ -255,52 +327,67 @@ def _run(
     ]
     groups = _groups_with_errors(chain, sources) if options.contributions else ()
     draws_of_groups = _draws_of_groups(groups, options, sources, normals, sizes)
-    jobs = [*draws_of_all, *draws_of_groups]
+    return _Jobs(of_all=draws_of_all, of_groups=draws_of_groups, groups=groups)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """What the draws of a trial come to.
+
+    Attributes
+    ----------
+    errors : of numbers and gait curves, draw by draw
+    spreads : of each table at all its frames
+    shares : of groups of sources in the variance of each table, {} where not requested
+    failures : draws without results
+    """
+
+    errors: DrawnErrors
+    spreads: dict[str, Spread]
+    shares: dict[str, Shares]
+    failures: Failures
+
+
+def _drawn(trial: TrialInputs, nominal: _Nominal, jobs: _Jobs) -> _Drawn:
+    """Compute the draws; raise `BadData` where fewer than two have results."""
+    count = len(jobs.of_all)
+    shapes = {name: values.shape for name, values in nominal.tables.items()}
+    errors = DrawnErrors(
+        draws=count, nominal=nominal.tables, values=nominal.values, walk=nominal.walk
+    )
+    every = [*jobs.of_all, *jobs.of_groups]
     workers = trial.options[DrawWorkers].workers or None
     title = f"{trial.name}: uncertainty"
-    with progress(title, len(jobs), "draws") as advance, Draws(options.draws, shapes) as draws:
-        results = attempts(chain, jobs, workers)
-        failures = _collected(islice(results, options.draws), draws, errors, advance)
+    with progress(title, len(every), "draws") as advance, Draws(count, shapes) as draws:
+        results = attempts(nominal.chain, every, workers)
+        failures = _collected(islice(results, count), draws, errors, advance)
         if len(draws.done) < 2:
             raise BadData(
-                f"{trial.name}: of {options.draws} draws {failures.unsolved} have no solution, "
+                f"{trial.name}: of {count} draws {failures.unsolved} have no solution, "
                 f"and of {failures.weak} the body is too weak for the motion: state smaller errors"
             )
         errors.put_again(draws)
         spreads = {
             of_all.name: _spread(draws, of_all, of_drawn)
-            for of_all, of_drawn in zip(whole, drawn, strict=True)
+            for of_all, of_drawn in zip(nominal.whole, nominal.drawn, strict=True)
         }
         shares = {}
-        if groups:
-            shares = _shares(drawn, draws, groups, draws_of_groups, results, advance)
+        if jobs.groups:
+            shares = _shares(nominal.drawn, draws, jobs.groups, jobs.of_groups, results, advance)
+    return _Drawn(errors=errors, spreads=spreads, shares=shares, failures=failures)
 
-    factors = dict.fromkeys(shapes, 1.0)
-    if options.widened:
-        factors = {name: FACTORS.get(name, 1.0) for name in shapes}
-    uncertainty = Uncertainty(
-        spreads={name: widened(spread, factors[name]) for name, spread in spreads.items()},
-        shares=shares,
-        draws=options.draws,
-        failed=failures.unsolved + failures.weak,
-        notes=_notes(failures, options.draws),
-        factors=factors,
-        sizes=source_sizes(sources, sizes),
-        gait=widened_gait(errors.gait, factors),
-    )
+
+def _value_errors(
+    values: DrawnValues, errors: DrawnErrors, factors: Mapping[str, float]
+) -> ValueErrors:
+    """Widen errors of numbers by the factor of each one's table."""
     factor_of_number = np.array([factors[name] for name in values.tables])
-    value_errors = ValueErrors(
+    return ValueErrors(
         names=values.names,
         errors=widened_errors(errors.numbers, factor_of_number),
         room=errors.room,
-        again=np.stack([widened_errors(one, factor_of_number) for one in errors.again]),
+        again=np.stack([widened_errors(each, factor_of_number) for each in errors.again]),
     )
-    _write_intervals(whole, uncertainty, output.folder)
-    _write_table(whole, uncertainty, output.folder / TABLE)
-    _write_sources(uncertainty.sizes, output.folder / SOURCE_TABLE)
-    put_uncertainty(output.writer, uncertainty)
-    put_value_errors(output.writer, value_errors)
-    return uncertainty
 
 
 def _spread(draws: Draws, of_all: DrawnTable, of_drawn: DrawnTable) -> Spread:
@@ -404,12 +491,7 @@ def _shares(
     numbers = sorted({job.number for job in jobs} & done)
     each = len({job.number for job in jobs})
     kinds = len(jobs) // (each * len(groups))
-    whole = {quantity.name: np.zeros(len(quantity.names)) for quantity in quantities}
-    for quantity in quantities:
-        for number in numbers:
-            whole[quantity.name] += _mean_square(
-                draws.at(quantity.name, number) - quantity.values
-            ) / len(numbers)
+    whole = {quantity.name: _variance(quantity, draws, numbers) for quantity in quantities}
     # By table: squares alone and in total of each group, and how many they are of.
     squares = {
         quantity.name: np.zeros((kinds, len(groups), len(quantity.names)))
@@ -435,6 +517,15 @@ def _shares(
             name: square / np.maximum(counts, 1) / whole[name] for name, square in squares.items()
         }
     return {name: Shares(groups, part[0], part[-1]) for name, part in parts.items()}
+
+
+def _variance(quantity: DrawnTable, draws: Draws, numbers: Sequence[int]) -> Array:
+    """(columns,) mean square of a table's errors in some draws, over its frames."""
+    variance = np.zeros(len(quantity.names))
+    for number in numbers:
+        errors = draws.at(quantity.name, number) - quantity.values
+        variance += _mean_square(errors) / len(numbers)
+    return variance
 
 
 def _mean_square(values: Array) -> Array:
