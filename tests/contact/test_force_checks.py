@@ -17,7 +17,7 @@ from myomorph.core.contact.force_inspection import LOAD, ForceSamples
 from myomorph.core.contact.undetermined import UNDETERMINED
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.lab.store.settings import ForceOptions
-from myomorph.lab.study.inputs.external_forces import on_feet
+from myomorph.lab.study.inputs.external_forces import ForceFile, on_feet, raw_loads
 from myomorph.lab.study.inputs.reading import open_model, read_motion
 
 WALKS = ("gait2354 walk", "OpenCap walk", "treadmill walk")
@@ -181,13 +181,8 @@ def test_opencaps_plates_that_are_all_on_one_foot(data):
     folder = "opencap-subject4-multitask"
     model = open_model(data(f"{folder}/models/manually_scaled.osim"))
     motion = read_motion(data(f"{folder}/ik_manual_scaling/walking1_ik.mot"), model)
-    found = on_feet(
-        faults.raw_loads(
-            data(f"{folder}/grf/walking1_external_forces.xml"), model, motion
-        ).wrenches,
-        model,
-        motion,
-    )
+    file = ForceFile(path=data(f"{folder}/grf/walking1_external_forces.xml"))
+    found = on_feet(raw_loads(file, model, motion).wrenches, model, motion)
     assert found.bodies == ("talus_r", "calcn_l")
     assert [(one.kind, one.place, one.mended) for one in found.findings] == [
         ("wrong foot", "ForcePlate2", True)

@@ -38,7 +38,7 @@ from myomorph.core.model.findings import Finding
 from myomorph.core.motion.marker_checks import MarkerCheckOptions, checked_kinematics
 from myomorph.core.motion.sync import cut
 from myomorph.lab.store.settings import ForceOptions
-from myomorph.lab.study.inputs.external_forces import on_feet, raw_loads
+from myomorph.lab.study.inputs.external_forces import ForceFile, on_feet, raw_loads
 
 Row = dict[str, object]
 SEED = 12
@@ -126,7 +126,7 @@ def opened(folder: Path, recording: Recording) -> Case:
     if recording.time is not None:
         markers = cut(markers, *recording.time)
     motion = mm.inverse_kinematics(model, markers).motion
-    wrenches = raw_loads(folder / files.loads, model, motion).wrenches
+    wrenches = raw_loads(ForceFile(path=folder / files.loads), model, motion).wrenches
     # Forces that are late by less than the margin still cover the motion.
     first = max(float(markers.time[0]), float(wrenches.time[0]) + MARGIN)
     last = min(float(markers.time[-1]), float(wrenches.time[-1]) - MARGIN)

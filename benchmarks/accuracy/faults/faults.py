@@ -19,7 +19,7 @@ from myomorph.core.model.findings import Finding
 from myomorph.core.model.inertia import inertial_parameters, with_inertial_parameters
 from myomorph.core.motion.sync import cut
 from myomorph.lab.store.settings import ForceOptions
-from myomorph.lab.study.inputs.external_forces import on_feet, raw_loads
+from myomorph.lab.study.inputs.external_forces import ForceFile, on_feet, raw_loads
 
 Row = dict[str, object]
 
@@ -110,7 +110,7 @@ def recorded(folder: Path, walk: Walk) -> Recorded:
         motion = mm.inverse_kinematics(model, markers).motion
     else:
         motion = mm.read_motion(folder / walk.motion, model)
-    wrenches = raw_loads(folder / walk.loads, model, motion).wrenches
+    wrenches = raw_loads(ForceFile(path=folder / walk.loads), model, motion).wrenches
     if walk.time is not None:
         motion = cut(motion, *walk.time)
     wrenches = on_feet(wrenches, model, motion, ForceOptions(force_checks="none"))

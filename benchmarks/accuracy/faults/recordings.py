@@ -50,6 +50,8 @@ from myomorph.core.model.messages import GRAVITIES, OTHER, Message
 from myomorph.core.model.scale import scale
 from myomorph.core.motion.stretch import skeleton
 from myomorph.lab.causes import SESSION
+from myomorph.lab.store.settings import Side
+from myomorph.lab.study.inputs.emg import EmgFiles
 from myomorph.lab.study.inputs.emg_files import open_emg
 from myomorph.lab.study.plan.plan import read_plan
 from myomorph.lab.study.run.run import run_study
@@ -95,7 +97,7 @@ class Recording:
     forces: tuple[ForceColumns, ...] = ()
     static: str = ""
     span: tuple[float, float] | None = None
-    emg_side: str = ""
+    emg_side: Side = ""
     options: tuple[str, ...] = ()
 
     def capture(self, folder: Path) -> Capture:
@@ -269,7 +271,8 @@ class Clean:
             return ()
         model = mm.read_model(self.model)
         path = self.data / self.recording.file
-        return tuple(open_emg(path, model, {}, side=self.recording.emg_side).muscles)
+        files = EmgFiles(emg=path, emg_side=self.recording.emg_side)
+        return tuple(open_emg(files, model).muscles)
 
     def of_steps(self, job: Job) -> Said:
         """Return the messages on the clean recording by the steps of a job."""

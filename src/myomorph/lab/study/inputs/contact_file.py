@@ -211,30 +211,13 @@ def read_contacts(
     table = existing(path.parent, found.intervals, "intervals", problems)
     steps = existing(path.parent, found.stairs, "stairs", problems)
     sound = _sound(found, path.parent, model.up, problems)
-    sites: list[Site] = []
-    for one in found.site:
-        try:
-            sites.append(_site(one, model))
-            for start, stop in () if isinstance(one.intervals, str) else one.intervals:
-                if not start <= stop:
-                    raise BadData(
-                        f"intervals = [[{start:g}, {stop:g}]]: expected a start before an end [s]"
-                    )
-        except MyomorphError as error:
-            problems.append(f"site '{one.name}': {error}")
-    try:
-        sites += body_sites(model, found.sites)
-    except MyomorphError as error:
-        problems.append(f"sites: {error}")
+    sites = _sites(found, model, problems)
     refuse(path, problems)
-    when: dict[str, When] = {
-        one.name: "file" if isinstance(one.intervals, list) else one.intervals for one in found.site
-    }
     marked = None if table is None else read_events(table, found.camera.rate, found.camera.start)
     return ContactPlan(
         feet=found.feet,
         sites=tuple(sites),
-        when=FrozenMap(when),
+        when=FrozenMap({site.name: _when(site) for site in found.site}),
         surfaces=FrozenMap(_surfaces(found)),
         reported=_all_reported(found.site, marked),
         sound=sound,
@@ -278,6 +261,35 @@ def _sound(
     except BadData as error:
         problems.append(str(error))
         return None
+
+
+def _sites(contact_file: _ContactFile, model: Model, problems: list[str]) -> list[Site]:
+    """Read the sites of a contact file, those found by name last."""
+    sites: list[Site] = []
+    for table in contact_file.site:
+        try:
+            sites.append(_site(table, model))
+            _check_intervals(table)
+        except MyomorphError as error:
+            problems.append(f"site '{table.name}': {error}")
+    try:
+        sites += body_sites(model, contact_file.sites)
+    except MyomorphError as error:
+        problems.append(f"sites: {error}")
+    return sites
+
+
+def _check_intervals(site: _Site) -> None:
+    """Raise `BadData` where an interval ends before it starts."""
+    for start, stop in () if isinstance(site.intervals, str) else site.intervals:
+        if not start <= stop:
+            raise BadData(
+                f"intervals = [[{start:g}, {stop:g}]]: expected a start before an end [s]"
+            )
+
+
+def _when(site: _Site) -> When:
+    return "file" if isinstance(site.intervals, list) else site.intervals
 
 
 def _site(site: _Site, model: Model) -> Site:

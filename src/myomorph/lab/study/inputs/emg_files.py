@@ -68,14 +68,7 @@ def opened(settings: EmgFiles, opening: Opening) -> Opened:
     sources.append(
         value_source("emg", "settings of envelopes", sorted(plain_settings(options).items()))
     )
-    recorded = open_emg(
-        settings.emg,
-        opening.model,
-        settings.emg_muscles,
-        options,
-        settings.emg_mvc,
-        settings.emg_side,
-    )
+    recorded = open_emg(settings, opening.model, options)
     if settings.emg_gains_file is not None:
         gains = read_gains(settings.emg_gains_file)
         emg = rescaled(recorded.emg, recorded.scale, gains.scale)
@@ -94,14 +87,7 @@ def opened(settings: EmgFiles, opening: Opening) -> Opened:
     )
 
 
-def open_emg(
-    path: str | Path,
-    model: Model,
-    named: Mapping[str, tuple[str, ...]],
-    options: EnvelopeOptions | None = None,
-    reference: Sequence[Path] = (),
-    side: str = "",
-) -> RecordedEmg:
+def open_emg(files: EmgFiles, model: Model, options: EnvelopeOptions | None = None) -> RecordedEmg:
     """Read EMG of a table or of the analog channels of a C3D file as envelopes.
 
     Channels that swing about zero, or fast about an offset, are raw: they are filtered
@@ -111,49 +97,70 @@ def open_emg(
     channels have the muscles that a user specifies. Others find theirs by name, on `side` where the
     name has none.
     """
-    found = channels_of(path)
-    name = Path(path).name
-    for channel, muscles in named.items():
-        index_of("EMG channel", channel, found.names, str(path))
-        for muscle in muscles:
-            index_of(f"muscle of EMG channel '{channel}'", muscle, model.muscle_names)
+    path = files.emg
+    assert path is not None
+    channels = channels_of(path)
+    _check_named(files.emg_muscles, channels.names, model, path)
     with about(path):
-        measured_on = muscles_of_channels(found.names, model, side) | dict(named)
+        muscles = muscles_of_channels(channels.names, model, files.emg_side)
+        muscles |= dict(files.emg_muscles)
         # A channel with an empty list takes no part.
-        measured_on = {channel: muscles for channel, muscles in measured_on.items() if muscles}
-        mended = located(name, found.warnings) if isinstance(found, Table) else ()
-        mended += _left_out(path, found.names, measured_on)
-        if Path(path).suffix.lower() == ".c3d":
-            if not measured_on:
+        muscles = {channel: names for channel, names in muscles.items() if names}
+        notes = located(path.name, channels.warnings) if isinstance(channels, Table) else ()
+        notes += _left_out(path, channels.names, muscles)
+        if path.suffix.lower() == ".c3d":
+            if not muscles:
                 raise BadFile(
                     path, "has no analog channel that tells a muscle", "name them in emg_muscles"
                 )
-            found = _picked(found, tuple(measured_on))
-        if not _is_raw(found):
-            made = _as_envelopes(found, measured_on, name, reference)
-            return _without_noise(replace(made, notes=(*mended, *made.notes)), named)
-        maxima = (
-            largest([_picked(channels_of(one), found.names) for one in reference], options)
-            if reference
-            else None
+            channels = _picked(channels, tuple(muscles))
+        if _is_raw(channels):
+            recorded = _from_raw(channels, muscles, files, options)
+        else:
+            recorded = _as_envelopes(channels, muscles, path.name, files.emg_mvc)
+    return _without_noise(replace(recorded, notes=(*notes, *recorded.notes)), files.emg_muscles)
+
+
+def _check_named(
+    named: Mapping[str, tuple[str, ...]], channels: tuple[str, ...], model: Model, path: Path
+) -> None:
+    """Raise `UnknownName` where a user names a channel or a muscle that does not exist."""
+    for channel, muscles in named.items():
+        index_of("EMG channel", channel, channels, str(path))
+        for muscle in muscles:
+            index_of(f"muscle of EMG channel '{channel}'", muscle, model.muscle_names)
+
+
+def _from_raw(
+    channels: Series,
+    muscles: Mapping[str, tuple[str, ...]],
+    files: EmgFiles,
+    options: EnvelopeOptions | None,
+) -> RecordedEmg:
+    """Return the envelopes of raw channels, scaled to the reference, else to their own maxima."""
+    assert files.emg is not None
+    reference = files.emg_mvc
+    maxima = None
+    if reference:
+        maxima = largest(
+            [_picked(channels_of(path), channels.names) for path in reference], options
         )
-        peaks = largest([found], options) if maxima is None else maxima
-        faults = emg_checks.raw_faults(found)
-        whole = emg_checks.without_faults(envelopes(found, options, maxima), faults)
+    peaks = largest([channels], options) if maxima is None else maxima
+    faults = emg_checks.raw_faults(channels)
+    emg = emg_checks.without_faults(envelopes(channels, options, maxima), faults)
     scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
-    notes = (
-        EMG.message(f"{name}: raw EMG, made into envelopes and {scaled}", gravity="good to know"),
-        *summarized((fault.kind, fault.message) for fault in faults),
-    )
-    at_maximum = FrozenMap(dict.fromkeys(whole.names, 1.0) if reference else {})
-    scale = FrozenMap(
-        {channel: peaks[channel] if peaks[channel] > 0.0 else 1.0 for channel in whole.names}
-    )
-    return _without_noise(
-        RecordedEmg(
-            emg=whole, muscles=measured_on, notes=(*mended, *notes), maxima=at_maximum, scale=scale
+    made = f"{files.emg.name}: raw EMG, made into envelopes and {scaled}"
+    return RecordedEmg(
+        emg=emg,
+        muscles=muscles,
+        notes=(
+            EMG.message(made, gravity="good to know"),
+            *summarized((fault.kind, fault.message) for fault in faults),
         ),
-        named,
+        maxima=FrozenMap(dict.fromkeys(emg.names, 1.0) if reference else {}),
+        scale=FrozenMap(
+            {channel: peaks[channel] if peaks[channel] > 0.0 else 1.0 for channel in emg.names}
+        ),
     )
 
 

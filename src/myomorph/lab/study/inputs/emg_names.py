@@ -70,7 +70,7 @@ def plain_channel(channel: str) -> tuple[str, str]:
     The side is "" where the name has none. "Voltage.R Tib Ant" is ("Tib_Ant", "right"), "LTA"
     ("TA", "left").
     """
-    plain = BEGINNING.sub("", ENDING.sub("", channel.strip())).replace(" ", "_")
+    plain = _stripped(channel)
     base, side = split_side(plain)
     if not side and (found := LETTER.match(plain)) is not None:
         base = found[2]
@@ -91,28 +91,37 @@ def muscles_of_channels(
     sided = {name: split_side(name) for name in model.muscle_names}
     result: dict[str, tuple[str, ...]] = {}
     for channel in channels:
-        whole = BEGINNING.sub("", ENDING.sub("", channel.strip())).replace(" ", "_")
+        whole = _stripped(channel)
         if whole in sided:
             result[channel] = (whole,)
             continue
         base, own_side = plain_channel(channel)
-        here = own_side or side
-        patterns = next(
-            (own for one, own in SPELLINGS if re.fullmatch(one, base, re.IGNORECASE)), None
-        )
-        patterns = patterns or next(
-            ((one,) for _, own in SPELLINGS for one in own if _is(one, base)), None
-        )
-        if patterns is None or not here:
-            continue
+        patterns = _muscle_patterns(base)
         alike = [
             name
-            for name, (word, at) in sided.items()
-            if at == here and any(_is(pattern, word) for pattern in patterns)
+            for name, (word, muscle_side) in sided.items()
+            if muscle_side == (own_side or side) and any(_is(pattern, word) for pattern in patterns)
         ]
-        if alike:
+        if alike and (own_side or side):
             result[channel] = tuple(alike)
     return result
+
+
+def _stripped(channel: str) -> str:
+    """Remove from a channel's name what amplifiers put before and after it."""
+    return BEGINNING.sub("", ENDING.sub("", channel.strip())).replace(" ", "_")
+
+
+def _muscle_patterns(name: str) -> tuple[str, ...]:
+    """Find the patterns of the models' muscles that a channel is of, by its name without a side."""
+    for spelling, patterns in SPELLINGS:
+        if _is(spelling, name):
+            return patterns
+    for _, patterns in SPELLINGS:
+        for pattern in patterns:
+            if _is(pattern, name):
+                return (pattern,)
+    return ()
 
 
 def _is(pattern: str, name: str) -> bool:

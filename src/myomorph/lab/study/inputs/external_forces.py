@@ -6,7 +6,7 @@ They are external loads, a table, a recording's plates, or stairs.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -48,72 +48,81 @@ def opened(settings: LoadsFile, opening: Opening) -> Opened:
 
     Raises `BadData` where bodies are named, but there are no forces.
     """
-    model = opening.model
-    recording = opening.values.get(Recording)
-    torques = opening.settings.get(TorquesFile)
-    sources: list[Source] = []
+    sources: tuple[Source, ...] = ()
     if settings.bodies or settings.plates:
         bodies = sorted(settings.bodies.items())
-        sources.append(value_source("bodies", "bodies of the forces", bodies, settings.plates))
-    if settings.loads is None:
-        if recording is None and sources:
+        sources = (value_source("bodies", "bodies of the forces", bodies, settings.plates),)
+    if settings.loads is not None:
+        return _opened_file(settings, settings.loads, opening, sources)
+    recording = opening.values.get(Recording)
+    if recording is None:
+        if sources:
             raise BadData(
                 "bodies of forces without forces: give --loads FILE with --plates or --bodies"
             )
-        # Torques of a file hold whatever acts from outside.
-        named = any(map(_body_on_plate, settings.plates))
-        plates = (
-            named
-            if settings.plates
-            else (recording is not None and recording.trial.plates and feet_of(model))
-        )
-        if recording is None or not plates or (torques is not None and torques.torques is not None):
-            return Opened(sources=tuple(sources))
-        nearest = (
-            "The force of each plate acts on the foot that is nearest to its center of pressure."
-        )
-        options = opening.options[ForceOptions]
-        shared = _are_shared(opening)
-        of_plates = ExternalLoads(
-            measured=partial(
-                _of_recording,
-                recording.trial,
-                settings.plates,
-                model,
-                options=options,
-                shared=shared,
-            ),
-            on_bodies=partial(given_to_feet, model=model, options=options, shared=shared),
-            nearest=not settings.plates,
-        )
-        contacts = opening.values.get(ContactPlan)
-        assumed = (
-            () if settings.plates or (contacts and contacts.measured == "shared") else (nearest,)
-        )
-        return Opened(
-            (of_plates,), tuple(sources), real="external forces of the plates", assumed=assumed
-        )
-    path = settings.loads
-    markers = opening.settings.or_default(MarkersFile)
+        return Opened()
+    if not _uses_plates(settings, recording.trial, opening):
+        return Opened(sources=sources)
+    return _opened_plates(settings, recording.trial, opening, sources)
+
+
+def _opened_file(
+    settings: LoadsFile, path: Path, opening: Opening, sources: tuple[Source, ...]
+) -> Opened:
+    """Return the external forces of a file, which are read when they are used."""
+    model = opening.model
+    markers = opening.settings.or_default(MarkersFile).markers
     options = opening.options[ForceOptions]
     shared = _are_shared(opening)
-    of_file = ExternalLoads(
-        measured=partial(
-            _of_file,
-            path,
-            model,
-            bodies=settings.bodies,
-            trial=markers.markers,
-            plates=settings.plates,
-            laboratory=opening.settings.or_default(Laboratory),
-            options=options,
-            shared=shared,
-        ),
+    file = ForceFile(
+        path=path,
+        bodies=settings.bodies,
+        markers=markers,
+        plates=settings.plates,
+        laboratory=opening.settings.or_default(Laboratory),
+        options=options,
+    )
+    loads = ExternalLoads(
+        measured=partial(_of_file, file, model, shared=shared),
         on_bodies=partial(given_to_feet, model=model, options=options, shared=shared),
         nearest=not settings.bodies and not settings.plates and names_no_body(path),
     )
-    sources += (file_source("loads", path), *load_tables(path, markers.markers))
-    return Opened((of_file,), tuple(sources), real=f"external forces from {path.name}")
+    sources = (*sources, file_source("loads", path), *load_tables(path, markers))
+    return Opened((loads,), sources, real=f"external forces from {path.name}")
+
+
+def _uses_plates(settings: LoadsFile, trial: Trial, opening: Opening) -> bool:
+    """Return whether the plates in a recording are the external forces."""
+    torques = opening.settings.get(TorquesFile)
+    # Torques of a file hold whatever acts from outside.
+    if torques is not None and torques.torques is not None:
+        return False
+    if settings.plates:
+        return any(map(_body_on_plate, settings.plates))
+    return bool(trial.plates and feet_of(opening.model))
+
+
+def _opened_plates(
+    settings: LoadsFile, trial: Trial, opening: Opening, sources: tuple[Source, ...]
+) -> Opened:
+    """Return the external forces of a recording's plates."""
+    model = opening.model
+    options = opening.options[ForceOptions]
+    shared = _are_shared(opening)
+    loads = ExternalLoads(
+        measured=partial(
+            _of_recording, trial, settings.plates, model, options=options, shared=shared
+        ),
+        on_bodies=partial(given_to_feet, model=model, options=options, shared=shared),
+        nearest=not settings.plates,
+    )
+    contacts = opening.values.get(ContactPlan)
+    assumed: tuple[str, ...] = ()
+    if not settings.plates and (contacts is None or contacts.measured != "shared"):
+        assumed = (
+            "The force of each plate acts on the foot that is nearest to its center of pressure.",
+        )
+    return Opened((loads,), sources, real="external forces of the plates", assumed=assumed)
 
 
 def names_no_body(path: Path) -> bool:
@@ -147,7 +156,7 @@ def load_tables(path: Path, markers: Path | None = None) -> list[Source]:
     return [file_source("load table", table) for table in tables]
 
 
-def read_loads(
+def read_loads(  # page: what is known of files of several kinds, most of it optional
     path: str | Path,
     model: Model,
     motion: Motion,
@@ -198,27 +207,46 @@ def read_loads(
     >>> loads.bodies, loads.forces[0, 0].tolist()
     (('fore',), [0.0, -10.0, 0.0])
     """
-    measured = raw_loads(path, model, motion, bodies, trial, plates, laboratory, options)
+    file = ForceFile(
+        path=Path(path),
+        bodies=bodies or FrozenMap({}),
+        markers=trial,
+        plates=plates,
+        laboratory=laboratory,
+        options=options or ForceOptions(),
+    )
+    measured = raw_loads(file, model, motion)
     with about(path):
         return on_feet(measured.wrenches, model, motion, options)
 
 
-def _of_file(
-    path: Path,
-    model: Model,
-    motion: Motion,
-    *,
-    bodies: Mapping[str, str],
-    trial: Path | None,
-    plates: Sequence[str],
-    laboratory: Laboratory,
-    options: ForceOptions,
-    shared: bool,
-) -> PlateForces:
-    """External forces of a file, held against the motion; bodies as far as they are named."""
-    measured = raw_loads(path, model, motion, bodies, trial, plates, laboratory, options)
-    with about(path):
-        checked = checked_loads(measured.wrenches, model, motion, options, shared)
+@dataclass(frozen=True, kw_only=True)
+class ForceFile:
+    """A file of external forces, and what a user specifies of it; see `read_loads`.
+
+    Attributes
+    ----------
+    path : of the file; an XML names its table
+    bodies : of a table: body of each prefix of a force's columns
+    markers : for stairs: the file of the markers
+    plates : of a recording: bodies on its plates in their order
+    laboratory : how the axes that the forces are along stand to the model's
+    options : columns, rate, origins and clock of the forces, and how they are checked
+    """
+
+    path: Path
+    bodies: Mapping[str, str] = field(default_factory=lambda: FrozenMap({}))
+    markers: Path | None = None
+    plates: Sequence[str] = ()
+    laboratory: Laboratory = AS_RECORDED
+    options: ForceOptions = field(default_factory=ForceOptions)
+
+
+def _of_file(file: ForceFile, model: Model, motion: Motion, *, shared: bool) -> PlateForces:
+    """Check external forces of a file against the motion; bodies as far as they are named."""
+    measured = raw_loads(file, model, motion)
+    with about(file.path):
+        checked = checked_loads(measured.wrenches, model, motion, file.options, shared)
     return replace(measured, wrenches=checked)
 
 
@@ -392,41 +420,33 @@ def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
     return replace(moved, notes=(text, *wrenches.notes), findings=findings)
 
 
-def raw_loads(
-    path: str | Path,
-    model: Model,
-    motion: Motion,
-    bodies: Mapping[str, str] | None = None,
-    trial: Path | None = None,
-    plates: Sequence[str] = (),
-    laboratory: Laboratory = AS_RECORDED,
-    options: ForceOptions | None = None,
-) -> PlateForces:
+def raw_loads(file: ForceFile, model: Model, motion: Motion) -> PlateForces:
     """Read external forces as a file has them, unchecked, with the outlines of plates.
 
-    A body that neither the file nor the caller names is "". Parameters and errors are those of
-    `read_loads`.
+    A body that neither the file nor the user names is "". Errors are those of `read_loads`.
     """
-    ending = Path(path).suffix.lower()
+    path = file.path
+    ending = path.suffix.lower()
     outlines: Mapping[str, Array] = FrozenMap({})
-    _refuse_wrong_kind(path, ending, bodies, plates)
+    _refuse_wrong_kind(path, ending, file.bodies, file.plates)
     if ending in TABLES:
         with about(path):
-            wrenches = laboratory.wrenches(force_table(path, bodies, options))
+            wrenches = file.laboratory.wrenches(force_table(path, file.bodies, file.options))
     elif ending == ".xml":
         from myomorph.core.io.loads import read_external_loads
 
         with about(path):
-            wrenches = laboratory.wrenches(read_external_loads(path, poses=PosesBy(model, motion)))
+            loads = read_external_loads(path, poses=PosesBy(model, motion))
+            wrenches = file.laboratory.wrenches(loads)
     elif ending == ".toml":
         from myomorph.core.contact.feet_on_steps import stairs_wrenches
         from myomorph.lab.study.inputs.contact_file import read_stairs
 
-        wrenches = stairs_wrenches(read_stairs(path, model, trial), model, motion)
+        wrenches = stairs_wrenches(read_stairs(path, model, file.markers), model, motion)
     elif trial_format(path) is not None:
         with about(path):
-            recording = upright(laboratory.trial(read_recording(path)), model)
-            wrenches = plate_wrenches(recording, plates)
+            recording = upright(file.laboratory.trial(read_recording(path)), model)
+            wrenches = plate_wrenches(recording, file.plates)
             outlines = outlines_of(recording)
     else:
         raise BadFile(
@@ -450,7 +470,7 @@ def raw_loads(
 
 
 def _refuse_wrong_kind(
-    path: str | Path, ending: str, bodies: Mapping[str, str] | None, plates: Sequence[str]
+    path: Path, ending: str, bodies: Mapping[str, str], plates: Sequence[str]
 ) -> None:
     """Raise `BadData` where bodies are named in the way of another kind of file."""
     recording = trial_format(path) is not None

@@ -133,22 +133,29 @@ def _near(recording: Path, trial: Trial) -> Path | None:
     """
     if trial.plates:
         return None
-    homes = [home for home in (recording.parent, recording.parent.parent) if home.is_dir()]
-    folders = [folder for home in homes for folder in sorted(home.iterdir()) if folder.is_dir()]
-    folders = [folder for folder in folders if folder.name.lower().replace("_", "") in FOLDERS]
-    for folder in (recording.parent, *folders):
+    for folder in (recording.parent, *_force_folders(recording)):
         path = loads_by_name(folder / recording.name)
         if path is not None and _has_forces(path):
             return path
     files = sorted(recording.parent.iterdir())
     tables = [file for file in files if file.suffix.lower() in TABLES and file != recording]
     stem = plain_stem(recording).lower()
-    named = [
-        table for table in tables if table.stem.lower().startswith(stem) and _has_forces(table)
-    ]
-    if len(named) == 1:
-        return named[0]
-    forces = [table for table in tables if _has_forces(table)] if is_alone(recording) else []
+    named = _only([table for table in tables if table.stem.lower().startswith(stem)])
+    if named is not None:
+        return named
+    return _only(tables) if is_alone(recording) else None
+
+
+def _force_folders(recording: Path) -> list[Path]:
+    """List the folders of forces beside a recording, and beside its folder."""
+    homes = [home for home in (recording.parent, recording.parent.parent) if home.is_dir()]
+    folders = [folder for home in homes for folder in sorted(home.iterdir()) if folder.is_dir()]
+    return [folder for folder in folders if folder.name.lower().replace("_", "") in FOLDERS]
+
+
+def _only(tables: list[Path]) -> Path | None:
+    """Return the table that has forces, None where several or none have."""
+    forces = [table for table in tables if _has_forces(table)]
     return forces[0] if len(forces) == 1 else None
 
 

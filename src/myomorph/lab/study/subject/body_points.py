@@ -47,7 +47,7 @@ WEIGHT_MAPS = {"bone": bone_weights, "cog": cog_weights, "nearest": nearest_weig
 """By the names of the command."""
 
 
-def body_points(
+def body_points(  # page: a body and what is known of it, the comparison and meshes optional
     model: Model,
     shape: BodyShape,
     mass: float,
