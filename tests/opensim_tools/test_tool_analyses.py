@@ -134,14 +134,14 @@ def test_states_of_a_file_are_taken(arm, tmp_path):
     for name in q.names:
         np.testing.assert_allclose(np.radians(q[name]), values[name], atol=1e-8)
         np.testing.assert_allclose(np.radians(u[name]), speeds[name], atol=1e-8)
-    assert not any("equilibrium is not asked for" in one for one in weak.warnings)
+    assert not any("equilibrium is not requested" in one for one in weak.warnings)
 
 
 def test_default_states_are_told(arm):
     result = run_tool(
         arm('<MuscleAnalysis name="MA"><compute_moments>false</compute_moments></MuscleAnalysis>')
     )
-    assert any("equilibrium is not asked for" in one for one in result.warnings)
+    assert any("equilibrium is not requested" in one for one in result.warnings)
     assert len(result.written) == 18
 
 

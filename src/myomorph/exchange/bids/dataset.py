@@ -346,33 +346,49 @@ def read_bids(folder: Path) -> Mapping[str, BidsTrial]:
             f"is no dataset of BIDS: it has no {DATASET}",
             "give the folder that holds the subjects",
         )
-    table = folder / PARTICIPANTS
-    subjects = {
-        row["participant_id"]: row.get("subject", "")
-        for row in (read_tsv(table) if table.is_file() else ())
-    }
+    subjects = _subjects(folder / PARTICIPANTS)
     trials: dict[str, BidsTrial] = {}
     for derived, home in ((False, folder), (True, folder / DERIVED)):
         for path in sorted(home.glob("sub-*/**/*")):
-            if not path.name.endswith(MOTION) and path.suffix not in ENDINGS:
-                continue
-            parts = dict(part.split("-", 1) for part in path.name.split("_") if "-" in part)
-            subject = subjects.get(f"sub-{parts['sub']}", "") or parts["sub"]
-            name = str(facts_of_file(path).get("TaskName", parts["task"]))
-            key = "/".join((subject, *([parts["ses"]] if "ses" in parts else []), name))
-            trial = trials.get(key, BidsTrial())
-            if derived:
-                trial = replace(
-                    trial,
-                    derived=FrozenMap(
-                        {**trial.derived, name_of(parts["tracksys"]): read_signals(path)}
-                    ),
-                )
-            elif path.suffix in ENDINGS:
-                trial = replace(trial, emg=read_emg(path))
-            elif trial.recording is None or trial.recording.markers is None:
-                trial = replace(trial, recording=read_motion_trial(path))
-            trials[key] = trial
+            if path.name.endswith(MOTION) or path.suffix in ENDINGS:
+                entities = dict(part.split("-", 1) for part in path.name.split("_") if "-" in part)
+                key = _key(path, entities, subjects)
+                trial = trials.get(key, BidsTrial())
+                if derived:
+                    trials[key] = _with_table(trial, name_of(entities["tracksys"]), path)
+                else:
+                    trials[key] = _with_recording(trial, path)
     if not trials:
         raise BadFile(folder, "holds no motion and no EMG", "expected sub-*/motion or sub-*/emg")
     return FrozenMap(trials)
+
+
+def _subjects(table: Path) -> dict[str, str]:
+    """Read the names of subjects by participant, "sub-01"; none without a table."""
+    rows = read_tsv(table) if table.is_file() else ()
+    return {row["participant_id"]: row.get("subject", "") for row in rows}
+
+
+def _key(path: Path, entities: Mapping[str, str], subjects: Mapping[str, str]) -> str:
+    """Return the key of a file's trial: subject, session if any, and task.
+
+    `entities`: of the file's name, e.g. "01" by "sub".
+    """
+    subject = subjects.get(f"sub-{entities['sub']}", "") or entities["sub"]
+    session = [entities["ses"]] if "ses" in entities else []
+    task = str(facts_of_file(path).get("TaskName", entities["task"]))
+    return "/".join((subject, *session, task))
+
+
+def _with_table(trial: BidsTrial, name: str, path: Path) -> BidsTrial:
+    """Add a derived table to a trial."""
+    return replace(trial, derived=FrozenMap({**trial.derived, name: read_signals(path)}))
+
+
+def _with_recording(trial: BidsTrial, path: Path) -> BidsTrial:
+    """Add a recording to a trial: EMG, or motion where it has no markers yet."""
+    if path.suffix in ENDINGS:
+        return replace(trial, emg=read_emg(path))
+    if trial.recording is None or trial.recording.markers is None:
+        return replace(trial, recording=read_motion_trial(path))
+    return trial

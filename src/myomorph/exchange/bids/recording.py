@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -99,22 +99,10 @@ def read_motion_trial(path: Path) -> Trial:
     Those are in files beside it.
     """
     signals = read_signals(path)
-    parts = [
-        part
-        for part in path.name.removesuffix(MOTION).split("_")
-        if not part.startswith("tracksys-")
-    ]
-    others = [
-        other
-        for other in sorted(path.parent.glob(f"*{MOTION}"))
-        if other != path
-        and [part for part in other.name.split("_")[:-1] if not part.startswith("tracksys-")]
-        == parts
-    ]
     markers, notes = markers_of(signals, path)
     plates = plates_of(signals)
     plate_time = signals.time
-    for other in others if not plates else ():
+    for other in [] if plates else _other_systems(path):
         more = read_signals(other)
         if plates := plates_of(more):
             plate_time = more.time
@@ -141,6 +129,18 @@ def read_motion_trial(path: Path) -> Trial:
         warnings=tuple(notes),
         source=str(path),
     )
+
+
+def _other_systems(path: Path) -> list[Path]:
+    """Return the motion files of the same recording by other tracking systems."""
+
+    def entities(file: Path) -> list[str]:
+        """Return the parts of a file's name but the tracking system."""
+        parts = file.name.removesuffix(MOTION).split("_")
+        return [part for part in parts if not part.startswith("tracksys-")]
+
+    files = sorted(path.parent.glob(f"*{MOTION}"))
+    return [file for file in files if file != path and entities(file) == entities(path)]
 
 
 def markers_of(signals: Signals, path: Path) -> tuple[Markers | None, list[Message]]:
@@ -321,49 +321,74 @@ def read_emg(path: Path) -> Analog:
     Of a file in a dataset, only channels of EMG are read, by the names and on the clock that files
     beside it state. Raises `BadFile`, or `MissingPackage` without edfio.
     """
-    edfio = from_extra("bids", "edfio")
-    check_file(path, "EMG")
-    try:
-        file = (edfio.read_bdf if path.suffix.lower() == ".bdf" else edfio.read_edf)(str(path))
-        signals = list(file.signals)
-        columns = [signal.data for signal in signals]
-    except OSError as error:
-        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
-    except Exception as error:
-        raise BadFile(path, f"is no BDF or EDF file: {error}") from None
-    if not signals:
-        raise BadFile(path, "holds no channel")
-    names = [signal.label for signal in signals]
-    units = [signal.physical_dimension for signal in signals]
-    kept = list(range(len(signals)))
-    facts = facts_of_file(path)
-    if beside(path, CHANNELS):
-        channels = channels_of_file(path, ("name", "type", "units"))
-        if len(channels) != len(signals):
-            raise BadFile(
-                path, f"holds {len(signals)} channels, but its _channels.tsv names {len(channels)}"
-            )
-        kept = [column for column in kept if channels[column].kind == "EMG"]
-        names = [each.name for each in channels]
-        units = [each.unit.replace(UNKNOWN, "") for each in channels]
-    sizes = {len(columns[column]) for column in kept}
+    channels = _emg_channels(path, _edf_channels(path))
+    sizes = {len(channel.samples) for channel in channels}
     if len(sizes) != 1:
         raise BadFile(
             path,
             "holds no EMG channel" if not sizes else "holds channels of several rates",
             "split it",
         )
-    rate = number_of(facts, RATE) or signals[kept[0]].sampling_frequency
+    facts = facts_of_file(path)
+    rate = number_of(facts, RATE) or channels[0].rate
     if not rate > 0.0:
         raise BadFile(path, "has no sampling rate")
     time = number_of(facts, START) + np.arange(sizes.pop()) / rate
-    turned = [SI.get(units[column].replace("µ", "u"), (units[column], 1.0)) for column in kept]
+    turned = [SI.get(each.unit.replace("µ", "u"), (each.unit, 1.0)) for each in channels]
     values = np.column_stack(
-        [columns[column] * factor for column, (_, factor) in zip(kept, turned, strict=True)]
+        [each.samples * factor for each, (_, factor) in zip(channels, turned, strict=True)]
     )
-    return Analog(
-        time,
-        tuple(names[column] for column in kept),
-        values,
-        units=tuple(unit for unit, _ in turned),
-    )
+    names = tuple(each.name for each in channels)
+    return Analog(time, names, values, units=tuple(unit for unit, _ in turned))
+
+
+class _EdfChannel(NamedTuple):
+    """A channel of a BDF or EDF file: its name, its unit, its rate [Hz] and (samples,)."""
+
+    name: str
+    unit: str
+    rate: float
+    samples: Array
+
+
+def _edf_channels(path: Path) -> list[_EdfChannel]:
+    """Read the channels of a BDF or EDF file."""
+    edfio = from_extra("bids", "edfio")
+    check_file(path, "EMG")
+    try:
+        file = (edfio.read_bdf if path.suffix.lower() == ".bdf" else edfio.read_edf)(str(path))
+        channels = [
+            _EdfChannel(
+                name=signal.label,
+                unit=signal.physical_dimension,
+                rate=signal.sampling_frequency,
+                samples=signal.data,
+            )
+            for signal in file.signals
+        ]
+    except OSError as error:
+        raise BadFile(path, f"cannot be read ({error.strerror or error})") from None
+    except Exception as error:
+        raise BadFile(path, f"is no BDF or EDF file: {error}") from None
+    if not channels:
+        raise BadFile(path, "holds no channel")
+    return channels
+
+
+def _emg_channels(path: Path, channels: Sequence[_EdfChannel]) -> list[_EdfChannel]:
+    """Return channels of EMG, with names and units of a _channels.tsv beside the file.
+
+    Without one, all channels are returned as they are.
+    """
+    if not beside(path, CHANNELS):
+        return list(channels)
+    listed = channels_of_file(path, ("name", "type", "units"))
+    if len(listed) != len(channels):
+        raise BadFile(
+            path, f"holds {len(channels)} channels, but its _channels.tsv names {len(listed)}"
+        )
+    return [
+        channel._replace(name=row.name, unit=row.unit.replace(UNKNOWN, ""))
+        for channel, row in zip(channels, listed, strict=True)
+        if row.kind == "EMG"
+    ]

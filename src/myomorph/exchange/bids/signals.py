@@ -26,7 +26,7 @@ from myomorph.core.io.parsing.text import (
     rising,
     written,
 )
-from myomorph.core.model.arrays import read_only
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
@@ -170,17 +170,7 @@ def read_signals(path: Path) -> Signals:
     if values is None:
         body = TableBody(text=text, delimiter="\t", path=path, hint=HINT)
         values = parse_cells(body, width, notes)
-    clock = next((column for column, each in enumerate(channels) if each.kind == LATENCY), None)
-    rate = number_of(facts, RATE)
-    if clock is None and not rate > 0.0:
-        raise BadFile(
-            path, f"has neither latencies nor a {RATE}", "state it in the _motion.json beside it"
-        )
-    time = (np.arange(len(values)) / rate if clock is None else values[:, clock]) + number_of(
-        facts, START
-    )
-    if not rising(time).all():
-        raise BadFile(path, "its latencies do not rise from row to row")
+    time = _time_of(path, values, channels, facts)
     kept = [column for column in range(width) if channels[column].kind != LATENCY]
     factors = [SI.get(channels[column].unit, ("", 1.0))[1] for column in kept]
     plain = tuple(
@@ -194,6 +184,27 @@ def read_signals(path: Path) -> Signals:
         )
     except BadData as error:
         raise BadFile(path, str(error)) from None
+
+
+def _time_of(
+    path: Path, values: Array, channels: Sequence[Channel], facts: Mapping[str, Any]
+) -> Array:
+    """Return the times of a motion file's rows (frames,) [s].
+
+    They come from its channel of latencies, or from its sampling rate where it has none. `values`:
+    (frames, channels).
+    """
+    clock = next((column for column, each in enumerate(channels) if each.kind == LATENCY), None)
+    rate = number_of(facts, RATE)
+    if clock is None and not rate > 0.0:
+        raise BadFile(
+            path, f"has neither latencies nor a {RATE}", "state it in the _motion.json beside it"
+        )
+    time = np.arange(len(values)) / rate if clock is None else values[:, clock]
+    time = time + number_of(facts, START)
+    if not rising(time).all():
+        raise BadFile(path, "its latencies do not rise from row to row")
+    return time
 
 
 def channels_of_file(path: Path, needed: Sequence[str]) -> tuple[Channel, ...]:

@@ -8,6 +8,7 @@ which are tested against both.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -150,58 +151,83 @@ class Certificate:
         Its first line states where lengths or moment arms are not the model's.
         """
         beyond = sorted(
-            (one for one in self.differences if not one.within),
-            key=lambda one: -max(one.length, one.arm),
+            (each for each in self.differences if not each.within),
+            key=lambda each: -max(each.length, each.arm),
         )
-        lines = []
-        if beyond:
-            one = beyond[0]
-            lines.append(
-                f"{len(beyond)} of {len(self.differences)} muscles differ by more than"
-                f" {1e3 * TOLERANCE:g} mm: most '{one.muscle}', length by {1e3 * one.length:.2f} mm"
-                f" at {one.length_at[0]} {one.length_at[1]:.2f}, moment arm about {one.arm_about}"
-                f" by {1e3 * one.arm:.2f} mm at {one.arm_at[0]} {one.arm_at[1]:.2f}"
-            )
-            if len(beyond) > 1:
-                others = [
-                    f"{one.muscle} {1e3 * one.length:.2f} and {1e3 * one.arm:.2f}"
-                    for one in beyond[1:]
-                ]
-                lines.append(f"the others, length and moment arm [mm]: {quoted(others, 8)}")
-        elif self.differences:
-            lines.append(
-                f"lengths and moment arms of all {len(self.differences)} muscles are within"
-                f" {1e3 * TOLERANCE:g} mm"
-            )
-        own = [one for one in beyond if one.length <= TOLERANCE and one.arm <= one.own + TOLERANCE]
-        if own:
-            lines.append(
-                f"in {len(own)} of them lengths agree, but OpenSim's moment arms are not the slopes"
-                f" of its lengths, as MuJoCo's are: {quoted([one.muscle for one in own], 4)}"
-            )
-        together = [one for one in self.differences if one.share < 1.0]
-        if together:
-            one = min(together, key=lambda one: one.share)
-            lines.append(
-                f"all coordinates moved together: {len(together)} muscles leave {1e3 * TOLERANCE:g}"
-                f" mm somewhere, '{one.muscle}' in {100.0 * (1.0 - one.share):.0f} % of poses"
-            )
-        lines += [*self._of_motion(), *self._of_other_version()]
-        lines.append(
+        return (
+            *self._of_paths(beyond),
+            *self._of_slopes(beyond),
+            *self._of_poses_together(),
+            *self._of_motion(),
+            *self._of_other_version(),
             f"MuJoCo {self.version}: mass differs by {self.mass:.1e} kg, inverse dynamics by"
             f" {self.torque:.1e} of {self.largest_torque:.0f} N m; it"
-            f" {'steps' if self.steps else 'does not step'} from its default pose"
+            f" {'steps' if self.steps else 'does not step'} from its default pose",
+            *self._of_forces(),
+            *self.notes,
         )
-        strengths = [one for one in self.differences if one.force > 0.0]
-        if strengths:
-            one = max(strengths, key=lambda one: one.force)
-            lines.append(
-                f"MuJoCo's muscles differ by up to {100.0 * one.force:.0f} % of their strength"
-                f" where they rest ('{one.muscle}'), by"
-                f" {100.0 * max(one.moving_force for one in strengths):.0f} % where they move: the"
-                " table of curves has ours"
-            )
-        return (*lines, *self.notes)
+
+    def _of_paths(self, beyond: Sequence[Difference]) -> list[str]:
+        """Report lengths and moment arms over the ranges, of muscles `beyond` tolerance."""
+        if not self.differences:
+            return []
+        if not beyond:
+            return [
+                f"lengths and moment arms of all {len(self.differences)} muscles are within"
+                f" {1e3 * TOLERANCE:g} mm"
+            ]
+        worst = beyond[0]
+        lines = [
+            f"{len(beyond)} of {len(self.differences)} muscles differ by more than"
+            f" {1e3 * TOLERANCE:g} mm: most '{worst.muscle}', length by {1e3 * worst.length:.2f} mm"
+            f" at {worst.length_at[0]} {worst.length_at[1]:.2f}, moment arm about"
+            f" {worst.arm_about} by {1e3 * worst.arm:.2f} mm at {worst.arm_at[0]}"
+            f" {worst.arm_at[1]:.2f}"
+        ]
+        if len(beyond) > 1:
+            others = [
+                f"{each.muscle} {1e3 * each.length:.2f} and {1e3 * each.arm:.2f}"
+                for each in beyond[1:]
+            ]
+            lines.append(f"the others, length and moment arm [mm]: {quoted(others, 8)}")
+        return lines
+
+    @staticmethod
+    def _of_slopes(beyond: Sequence[Difference]) -> list[str]:
+        """Report muscles whose moment arms differ only because the model's are no slopes."""
+        own = [
+            each for each in beyond if each.length <= TOLERANCE and each.arm <= each.own + TOLERANCE
+        ]
+        if not own:
+            return []
+        return [
+            f"in {len(own)} of them lengths agree, but OpenSim's moment arms are not the slopes"
+            f" of its lengths, as MuJoCo's are: {quoted([each.muscle for each in own], 4)}"
+        ]
+
+    def _of_poses_together(self) -> list[str]:
+        """Report muscles that differ somewhere when all coordinates move together."""
+        together = [each for each in self.differences if each.share < 1.0]
+        if not together:
+            return []
+        worst = min(together, key=lambda each: each.share)
+        return [
+            f"all coordinates moved together: {len(together)} muscles leave {1e3 * TOLERANCE:g}"
+            f" mm somewhere, '{worst.muscle}' in {100.0 * (1.0 - worst.share):.0f} % of poses"
+        ]
+
+    def _of_forces(self) -> list[str]:
+        """Report how far forces of MuJoCo's muscles differ."""
+        strengths = [each for each in self.differences if each.force > 0.0]
+        if not strengths:
+            return []
+        worst = max(strengths, key=lambda each: each.force)
+        return [
+            f"MuJoCo's muscles differ by up to {100.0 * worst.force:.0f} % of their strength"
+            f" where they rest ('{worst.muscle}'), by"
+            f" {100.0 * max(each.moving_force for each in strengths):.0f} % where they move: the"
+            " table of curves has ours"
+        ]
 
     def _of_motion(self) -> list[str]:
         """Say how far lengths differ along the recorded motion."""
@@ -300,54 +326,109 @@ def _along(paths: Paths, copy: MujocoCopy, recorded: RecordedPoses | None, muscl
     return _Along(length=off.max(axis=0), time=recorded.time[off.argmax(axis=0)])
 
 
+@read_only
+class _ComparedPaths:
+    """Paths of a model and of its copy, over poses.
+
+    Attributes
+    ----------
+    lengths : (poses, muscles) of the model [m]
+    length_errors : (poses, muscles) absolute differences [m]
+    arms : (poses, muscles, coordinates) moment arms of the model [m/rad or m/m]
+    arm_errors : (poses, muscles, coordinates) absolute differences [m/rad or m/m]
+    columns : (coordinates,) their indices in the model, those that both have
+    """
+
+    lengths: Array
+    length_errors: Array
+    arms: Array
+    arm_errors: Array
+    columns: np.ndarray
+
+
+def _compared_paths(
+    model: Model, paths: Paths, copy: MujocoCopy, poses: ComparedPoses
+) -> _ComparedPaths:
+    """Compare lengths and moment arms in poses over the coordinates' ranges."""
+    lengths, _, pairs = paths.evaluate(poses.model)
+    copied_lengths, copied_arms = copy.lengths_and_arms(poses.copy, poses.route)
+    dense = np.zeros((*lengths.shape, len(model.coordinates)))
+    dense[:, paths.arm_muscle, paths.arm_coordinate] = pairs
+    free = [i for i, name in enumerate(copy.free) if name in model.coordinate_names]
+    columns = [model.coordinate_names.index(copy.free[i]) for i in free]
+    arms = dense[:, :, columns]
+    return _ComparedPaths(
+        lengths=lengths,
+        length_errors=np.abs(copied_lengths - lengths),
+        arms=arms,
+        arm_errors=np.abs(copied_arms[:, :, free] - arms),
+        columns=np.array(columns, np.intp),
+    )
+
+
+@read_only
+class _WorstArms:
+    """The largest difference of each muscle's moment arms, of poses in which one coordinate moves.
+
+    Attributes
+    ----------
+    pose : (muscles,) index of the pose
+    coordinate : (muscles,) index of the coordinate, among those that are compared
+    own : (muscles,) difference of the model's moment arm from the slope of its length there
+        [m/rad or m/m]
+    """
+
+    pose: np.ndarray
+    coordinate: np.ndarray
+    own: Array
+
+
+def _worst_arms(paths: Paths, compared: _ComparedPaths, poses: ComparedPoses) -> _WorstArms:
+    """Find where each muscle's moment arms differ most."""
+    alone = np.flatnonzero(poses.swept >= 0)
+    muscles = np.arange(compared.arms.shape[1])
+    shape = (len(alone), len(compared.columns))
+    places = [np.unravel_index(np.argmax(compared.arm_errors[alone, m]), shape) for m in muscles]
+    pose = alone[[int(index) for index, _ in places]]
+    coordinate = [int(index) for _, index in places]
+    columns = [int(compared.columns[index]) for index in coordinate]
+    arms = compared.arms[pose, muscles, coordinate]
+    own = _off_slopes(paths, poses.model[pose], columns, arms)
+    return _WorstArms(pose=pose, coordinate=np.array(coordinate, np.intp), own=own)
+
+
 def _differences(
     model: Model, copy: MujocoCopy, poses: ComparedPoses, recorded: RecordedPoses | None
 ) -> tuple[Difference, ...]:
     """Compare lengths, moment arms and forces of each muscle."""
-    coordinates = poses.model
-    swept = poses.swept
     paths = compile_paths(model)
-    lengths, _, pairs = paths.evaluate(coordinates)
-    theirs, their_arms = copy.lengths_and_arms(poses.copy, poses.route)
-    others = lengths_of_version(copy.model, OTHER_VERSION, poses.copy)
-    others_off = np.abs(others - lengths).max(axis=0)
+    compared = _compared_paths(model, paths, copy, poses)
+    other_lengths = lengths_of_version(copy.model, OTHER_VERSION, poses.copy)
     along = _along(paths, copy, recorded, len(model.muscles))
-    dense = np.zeros((*lengths.shape, len(model.coordinates)))
-    dense[:, paths.arm_muscle, paths.arm_coordinate] = pairs
-    free = [i for i, name in enumerate(copy.free) if name in model.coordinate_names]
-    ours = dense[:, :, [model.coordinate_names.index(copy.free[i]) for i in free]]
-    off = np.abs(theirs - lengths)
-    arms_off = np.abs(their_arms[:, :, free] - ours)
-    alone = np.flatnonzero(swept >= 0)
-    together = swept < 0
-    places = [
-        np.unravel_index(np.argmax(arms_off[alone, m]), (len(alone), len(free)))
-        for m in range(len(model.muscles))
-    ]
-    arms_at = alone[[int(pose) for pose, _ in places]]
-    about = [int(index) for _, index in places]
-    columns = [model.coordinate_names.index(copy.free[free[index]]) for index in about]
-    muscles = np.arange(len(model.muscles))
-    own = _off_slopes(paths, coordinates[arms_at], columns, ours[arms_at, muscles, about])
+    worst = _worst_arms(paths, compared, poses)
     still, moving = force_differences(model, copy)
+    alone = np.flatnonzero(poses.swept >= 0)
+    together = poses.swept < 0
     result = []
     for m, muscle in enumerate(model.muscles):
-        at = alone[np.argmax(off[alone, m])]
-        arm_at = arms_at[m]
-        within = (off[together, m] <= TOLERANCE) & (arms_off[together, m].max(axis=1) <= TOLERANCE)
+        lengths_off = compared.length_errors[:, m]
+        arms_off = compared.arm_errors[:, m]
+        at = int(alone[np.argmax(lengths_off[alone])])
+        arm_at = int(worst.pose[m])
+        about = int(worst.coordinate[m])
         result.append(
             Difference(
                 muscle=muscle.name,
-                length=float(off[at, m]),
-                length_at=_place(model, coordinates, swept, int(at)),
-                arm=float(arms_off[arm_at, m, about[m]]),
-                arm_at=_place(model, coordinates, swept, int(arm_at)),
-                arm_about=copy.free[free[about[m]]],
-                own=float(own[m]),
-                length_together=float(off[together, m].max(initial=0.0)),
-                arm_together=float(arms_off[together, m].max(initial=0.0)),
-                share=float(within.mean()),
-                other=float(others_off[m]),
+                length=float(lengths_off[at]),
+                length_at=_place(model, poses.model, poses.swept, at),
+                arm=float(arms_off[arm_at, about]),
+                arm_at=_place(model, poses.model, poses.swept, arm_at),
+                arm_about=model.coordinate_names[compared.columns[about]],
+                own=float(worst.own[m]),
+                length_together=float(lengths_off[together].max(initial=0.0)),
+                arm_together=float(arms_off[together].max(initial=0.0)),
+                share=_share_within(lengths_off[together], arms_off[together]),
+                other=float(np.abs(other_lengths[:, m] - compared.lengths[:, m]).max()),
                 along=float(along.length[m]),
                 along_at=float(along.time[m]),
                 force=float(still[m]),
@@ -355,6 +436,15 @@ def _differences(
             )
         )
     return tuple(result)
+
+
+def _share_within(lengths_off: Array, arms_off: Array) -> float:
+    """Return the share of poses in which a muscle is within tolerance.
+
+    `lengths_off`: (poses,) [m]; `arms_off`: (poses, coordinates) [m/rad or m/m].
+    """
+    within = (lengths_off <= TOLERANCE) & (arms_off.max(axis=1) <= TOLERANCE)
+    return float(within.mean())
 
 
 def _off_slopes(paths: Paths, poses: Array, columns: list[int], arms: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 
 from myomorph.core.io.mjcf.compile import silent_mujoco
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.model import Model
+from myomorph.core.model.model import Joint, Model
 from myomorph.core.model.spatial import quaternion_from_rotation, rotation_from_euler_xyz
 
 NEWTON_STEPS = 8
@@ -38,44 +38,49 @@ class MujocoCopy:
         self.held = model.dependent_coordinates
         self.simple: dict[str, tuple[int, int]] = {}
         self.turning: list[tuple[int, int, int, Array]] = []
-        at = 0
+        start = 0
         for joint in model.joints:
-            names = list(joint.coordinates)
-            for kind in joint.kind.split("+"):
-                if kind in ("hinge", "slide"):
-                    self.simple[names[0]] = self._address(names[0])
-                    at = at + 1
-                    names = names[1:]
-                elif kind in ("free", "ball"):
-                    start = joint.child_frame.rotation.T if kind == "free" else np.eye(3)
-                    adr, dof = self._address(names[0].rsplit("_", 1)[0])
-                    if kind == "free":
-                        for i in range(3):
-                            self.simple[names[i]] = adr + i, dof + i
-                        adr = adr + 3
-                        at = at + 3
-                        names = names[3:]
-                    self.turning.append((adr, dof, at, start))
-                    at = at + 3
-                    names = names[3:]
+            start = self._add_joint(joint, start)
         order = {name: i for i, name in enumerate(model.coordinate_names)}
         self.columns = np.array([order[name] for name in self.simple], np.int64)
-        self.qpos = np.array([pair[0] for pair in self.simple.values()], np.int64)
-        self.dofs = np.array([pair[1] for pair in self.simple.values()], np.int64)
-        self.followers = np.array(
-            [dof for name, (_, dof) in self.simple.items() if name in self.held], np.int64
-        )
-        self.follower_qpos = np.array(
-            [adr for name, (adr, _) in self.simple.items() if name in self.held], np.int64
-        )
+        addresses = np.array(list(self.simple.values()), np.int64).reshape(-1, 2)
+        self.qpos, self.dofs = addresses.T
+        follows = np.array([name in self.held for name in self.simple], np.bool_)
+        self.followers = self.dofs[follows]
+        self.follower_qpos = self.qpos[follows]
         self.free = [name for name in self.simple if name not in self.held]
-        self.free_dofs = np.array([self.simple[name][1] for name in self.free], np.int64)
+        self.free_dofs = self.dofs[~follows]
         led = {name for coupler in self.held.values() for name in coupler.independents}
         self.leaders = np.array([order[name] for name in led - set(self.held)], np.int64)
         kind = mujoco.mjtObj.mjOBJ_TENDON
         self.tendons = [
             mujoco.mj_name2id(self.m, kind, f"{name}_tendon") for name in model.muscle_names
         ]
+
+    def _add_joint(self, joint: Joint, start: int) -> int:
+        """Find a joint's coordinates in MuJoCo's arrays.
+
+        `start`: index of the first of its coordinates in the model. Returns that of the next joint.
+        """
+        names = list(joint.coordinates)
+        for kind in joint.kind.split("+"):
+            if kind in ("hinge", "slide"):
+                self.simple[names[0]] = self._address(names[0])
+                start += 1
+                names = names[1:]
+            elif kind in ("free", "ball"):
+                rotation = joint.child_frame.rotation.T if kind == "free" else np.eye(3)
+                adr, dof = self._address(names[0].rsplit("_", 1)[0])
+                if kind == "free":
+                    for i in range(3):
+                        self.simple[names[i]] = adr + i, dof + i
+                    adr = adr + 3
+                    start += 3
+                    names = names[3:]
+                self.turning.append((adr, dof, start, rotation))
+                start += 3
+                names = names[3:]
+        return start
 
     def _address(self, name: str) -> tuple[int, int]:
         number = mujoco.mj_name2id(self.m, mujoco.mjtObj.mjOBJ_JOINT, name)

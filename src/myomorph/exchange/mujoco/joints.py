@@ -248,6 +248,45 @@ def _joint(
     """
     if _is_own(joint):
         return joint, []
+    leading = _leading_axes(joint, dependent)
+    defaults = {name: coordinate.default for name, coordinate in coordinates.items()}
+    made: list[Axis] = []
+    followers: list[tuple[Coordinate, Coupler]] = []
+    # What comes after an axis at the defaults: the axis is moved through it into the child's frame.
+    after = joint.child_frame.inverse()
+    for index, axis in reversed(list(enumerate(joint.axes))):
+        amount = value_at(axis.function, axis.coordinates, defaults)
+        if index in leading:
+            name = axis.coordinates[0]
+            sign = slope_of(axis.function) or 1.0
+            made.insert(0, _moved_axis(axis, sign, after, name, coordinates[name].default))
+        elif axis.function.arity and slope_of(axis.function) != 0.0:
+            name = f"{joint.name}_{axis.kind[0]}{index}"
+            leader = _leader(joint, axis)
+            followers.insert(0, _follower(name, axis.kind, amount, axis.function, leader))
+            made.insert(0, _moved_axis(axis, 1.0, after, name, amount))
+        after = axis.moved(amount) @ after
+    if len(made) > MAX_AXES:
+        raise BadModel(
+            f"joint '{joint.name}' has {len(made)} axes that move, and MuJoCo allows {MAX_AXES} a"
+            " body"
+        )
+    kinds = ["hinge" if axis.kind == "rotation" else "slide" for axis in made]
+    new = Joint(
+        name=joint.name,
+        kind="+".join(kinds) or "weld",
+        parent=joint.parent,
+        child=joint.child,
+        parent_frame=joint.parent_frame @ after,
+        child_frame=Transform.identity(),
+        axes=tuple(made),
+        coordinates=tuple(axis.coordinates[0] for axis in made),
+    )
+    return new, followers
+
+
+def _leading_axes(joint: Joint, dependent: set[str]) -> frozenset[int]:
+    """Return the indices of axes that a coordinate moves one to one, the first of each."""
     leading: dict[str, int] = {}
     for index, axis in enumerate(joint.axes):
         name = axis.coordinates[0] if len(axis.coordinates) == 1 else ""
@@ -263,63 +302,29 @@ def _joint(
             f"coordinate '{missing[0]}' of joint '{joint.name}' moves no axis one to one, as MuJoCo"
             " needs"
         )
-    defaults = {name: coordinate.default for name, coordinate in coordinates.items()}
-    made: list[Axis] = []
-    followers: list[tuple[Coordinate, Coupler]] = []
-    # What comes after an axis at the defaults: the axis is moved through it into the child's frame.
-    after = joint.child_frame.inverse()
-    for index in reversed(range(len(joint.axes))):
-        axis = joint.axes[index]
-        sign = 1.0
-        name = ""
-        amount = value_at(axis.function, axis.coordinates, defaults)
-        if index in leading.values():
-            name = axis.coordinates[0]
-            sign = slope_of(axis.function) or 1.0
-            reference = coordinates[name].default
-        elif axis.function.arity and slope_of(axis.function) != 0.0:
-            if axis.function.arity > 1:
-                raise BadModel(
-                    f"joint '{joint.name}' has an axis that moves by two coordinates,"
-                    f" {axis.coordinates[0]} and {axis.coordinates[1]}, which MuJoCo cannot hold"
-                )
-            name = f"{joint.name}_{axis.kind[0]}{index}"
-            reference = amount
-            followers.insert(
-                0, _follower(name, axis.kind, amount, axis.function, axis.coordinates[0])
-            )
-        if name:
-            vector = sign * after.rotation.T @ axis.vector
-            origin = after.inverse().apply(axis.origin)
-            made.insert(
-                0,
-                Axis(
-                    kind=axis.kind,
-                    vector=vector,
-                    function=linear(1.0, -reference),
-                    coordinates=(name,),
-                    origin=origin,
-                ),
-            )
-        after = axis.moved(amount) @ after
-    if len(made) > MAX_AXES:
+    return frozenset(leading.values())
+
+
+def _leader(joint: Joint, axis: Axis) -> str:
+    """Return the one coordinate that moves an axis by a function."""
+    if axis.function.arity > 1:
         raise BadModel(
-            f"joint '{joint.name}' has {len(made)} axes that move, and MuJoCo allows {MAX_AXES} a"
-            " body"
+            f"joint '{joint.name}' has an axis that moves by two coordinates,"
+            f" {axis.coordinates[0]} and {axis.coordinates[1]}, which MuJoCo cannot hold"
         )
-    kind = "+".join("hinge" if axis.kind == "rotation" else "slide" for axis in made) or "weld"
-    names = tuple(axis.coordinates[0] for axis in made)
-    frame = joint.parent_frame @ after
-    return (
-        Joint(
-            name=joint.name,
-            kind=kind,
-            parent=joint.parent,
-            child=joint.child,
-            parent_frame=frame,
-            child_frame=Transform.identity(),
-            axes=tuple(made),
-            coordinates=names,
-        ),
-        followers,
+    return axis.coordinates[0]
+
+
+def _moved_axis(axis: Axis, sign: float, after: Transform, name: str, reference: float) -> Axis:
+    """Return an axis in the child's frame.
+
+    It moves by a coordinate less its reference [rad or m]. `after`: what comes after the axis at
+    the defaults.
+    """
+    return Axis(
+        kind=axis.kind,
+        vector=sign * after.rotation.T @ axis.vector,
+        function=linear(1.0, -reference),
+        coordinates=(name,),
+        origin=after.inverse().apply(axis.origin),
     )

@@ -88,27 +88,13 @@ def mujoco_muscles(model: Model) -> tuple[Muscle, ...]:
         return ()
     curves = curves_of(model)
     fiber, slack, fastest = _fibers(model)
-    rising = COMPARED & (LENGTHS <= 1.0)
-    falling = COMPARED & (LENGTHS >= 1.0)
-    low = _nearest(LOW, _active(1.0 - LENGTHS[rising], 0.5 * (1.0 - LOW)), curves.active[rising])
-    half = 0.5 * (HIGH - 1.0)
-    high = _nearest(HIGH, _active(LENGTHS[falling] - 1.0, half), curves.active[falling])
-    slower = (SPEEDS >= -USUAL) & (SPEEDS <= 0.0)
-    faster = (SPEEDS >= 0.0) & (SPEEDS <= USUAL)
-    share = _nearest(
-        FASTEST,
-        np.maximum(1.0 + SPEEDS[slower] / FASTEST[:, None], 0.0) ** 2,
-        curves.velocity[slower],
-    )
+    low, high = _widths(curves)
+    share = _speed_shares(curves)
     made = []
     for m, muscle in enumerate(model.muscles):
         if muscle.kind == "mujoco":
             made.append(muscle)
             continue
-        stretch = (LENGTHS[falling] - 1.0) / (0.5 * (high[m] - 1.0))
-        shape = np.where(stretch < 1.0, 0.5 * stretch**2, stretch - 0.5)
-        over = STRONGEST[:, None] - 1.0
-        lengthening = 1.0 + over - np.maximum(over - SPEEDS[faster] / share[m], 0.0) ** 2 / over
         parameters = {
             "range0": RANGE[0],
             "range1": RANGE[1],
@@ -119,8 +105,8 @@ def mujoco_muscles(model: Model) -> tuple[Muscle, ...]:
             "lmin": low[m],
             "lmax": high[m],
             "vmax": fastest[m] * share[m],
-            "fpmax": max(float(shape @ curves.passive[falling, m] / (shape @ shape)), 0.0),
-            "fvmax": _nearest(STRONGEST, lengthening, curves.velocity[faster, m : m + 1])[0],
+            "fpmax": _passive_strength(curves.passive[:, m], high[m]),
+            "fvmax": _lengthening_strength(curves.velocity[:, m : m + 1], share[m]),
             "timeconst0": TIME_CONSTANTS[0],
             "timeconst1": TIME_CONSTANTS[1],
         }
@@ -138,6 +124,42 @@ def mujoco_muscles(model: Model) -> tuple[Muscle, ...]:
             )
         )
     return tuple(made)
+
+
+def _widths(curves: MuscleCurves) -> tuple[Array, Array]:
+    """Fit `lmin` and `lmax` (muscles,) to both sides of the active curves."""
+    rising = COMPARED & (LENGTHS <= 1.0)
+    low = _nearest(LOW, _active(1.0 - LENGTHS[rising], 0.5 * (1.0 - LOW)), curves.active[rising])
+    falling = COMPARED & (LENGTHS >= 1.0)
+    half = 0.5 * (HIGH - 1.0)
+    high = _nearest(HIGH, _active(LENGTHS[falling] - 1.0, half), curves.active[falling])
+    return low, high
+
+
+def _speed_shares(curves: MuscleCurves) -> Array:
+    """Fit `vmax` (muscles,), over the muscles' own, to shortening fibers."""
+    slower = (SPEEDS >= -USUAL) & (SPEEDS <= 0.0)
+    shapes = np.maximum(1.0 + SPEEDS[slower] / FASTEST[:, None], 0.0) ** 2
+    return _nearest(FASTEST, shapes, curves.velocity[slower])
+
+
+def _passive_strength(passive: Array, high: float) -> float:
+    """Fit `fpmax` to a passive curve (lengths,), for a muscle whose `lmax` is `high`."""
+    falling = COMPARED & (LENGTHS >= 1.0)
+    stretch = (LENGTHS[falling] - 1.0) / (0.5 * (high - 1.0))
+    shape = np.where(stretch < 1.0, 0.5 * stretch**2, stretch - 0.5)
+    return max(float(shape @ passive[falling] / (shape @ shape)), 0.0)
+
+
+def _lengthening_strength(velocity: Array, share: float) -> float:
+    """Fit `fvmax` to a force-velocity curve (speeds, 1) of lengthening fibers.
+
+    `share`: `vmax` over the muscle's own fastest velocity.
+    """
+    faster = (SPEEDS >= 0.0) & (SPEEDS <= USUAL)
+    over = STRONGEST[:, None] - 1.0
+    lengthening = 1.0 + over - np.maximum(over - SPEEDS[faster] / share, 0.0) ** 2 / over
+    return float(_nearest(STRONGEST, lengthening, velocity[faster])[0])
 
 
 def _active(away: Array, half: Array) -> Array:

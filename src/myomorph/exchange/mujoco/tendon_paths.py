@@ -7,6 +7,7 @@ would pass on the other side.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -143,12 +144,7 @@ def _in_agreement(model: Model, translator: _Translator, coordinates: Array) -> 
     """
     coordinates = coordinates[::EVERY]
     lengths = translator.paths.evaluate(coordinates)[0]
-    off = np.array(
-        [
-            np.abs(lengths_of_version(model, version, coordinates) - lengths).max(axis=0)
-            for version in VERSIONS
-        ]
-    )
+    off = np.array(list(_version_errors(model, coordinates, lengths).values()))
     own = off.min(axis=0) < AGREEMENT
     differing = [int(m) for m in np.flatnonzero(own & (off.max(axis=0) > AGREEMENT))]
     if not differing:
@@ -160,13 +156,8 @@ def _in_agreement(model: Model, translator: _Translator, coordinates: Array) -> 
     for number in range(max(len(muscle.path.wraps) for muscle in muscles)):
         for direction in spread_directions(DIRECTIONS):
             tried = [_beside(translator, muscle, number, direction) for muscle in muscles]
-            errors = {
-                version: np.abs(
-                    lengths_of_version(replace(model, muscles=tuple(tried)), version, coordinates)
-                    - wanted
-                ).max(axis=0)
-                for version in VERSIONS
-            }
+            trial = replace(model, muscles=tuple(tried))
+            errors = _version_errors(trial, coordinates, wanted)
             for i, version in enumerate(versions):
                 there = errors[OTHER[version]][i]
                 if errors[version][i] < AGREEMENT and there < other[i]:
@@ -176,6 +167,17 @@ def _in_agreement(model: Model, translator: _Translator, coordinates: Array) -> 
     return replace(
         model, muscles=tuple(found.get(m, muscle) for m, muscle in enumerate(model.muscles))
     )
+
+
+def _version_errors(model: Model, coordinates: Array, lengths: Array) -> dict[int, Array]:
+    """Return largest errors (muscles,) of lengths by the rules of each version of MuJoCo [m].
+
+    `coordinates`: (poses, coordinates) [rad or m]; `lengths`: (poses, muscles) [m].
+    """
+    return {
+        version: np.abs(lengths_of_version(model, version, coordinates) - lengths).max(axis=0)
+        for version in VERSIONS
+    }
 
 
 def _beside(translator: _Translator, muscle: Muscle, number: int, direction: Array) -> Muscle:
@@ -254,6 +256,11 @@ class _Touch:
     ends: dict[int, tuple[int, Array]]
 
 
+def _first_behind(wraps: Sequence[TendonWrap], after: int) -> int | None:
+    """Return the index of the first surface behind a fixed point; None where there is none."""
+    return next((i for i, wrap in enumerate(wraps) if wrap.after == after), None)
+
+
 class _Translator:
     """Translation of the paths of a model.
 
@@ -286,32 +293,21 @@ class _Translator:
             for wrap in muscle.path.wraps:
                 self.surfaces[wrap.wrap_object] = self.objects[wrap.wrap_object]
             return muscle
-        kept = [self._always(point) for point in muscle.path.points if isinstance(point, PathPoint)]
-        points = [point for point in kept if point is not None]
+        always = [self._always(each) for each in muscle.path.points if isinstance(each, PathPoint)]
+        points = [point for point in always if point is not None]
         fixed = [point for point in points if not point.coordinate]
-        wraps: list[TendonWrap] = []
-        taken: set[int] = set()
-        for i, point in enumerate(points):
-            if point.coordinate:
-                after = sum(not other.coordinate for other in points[:i]) - 1
-                if after in taken or not 0 <= after < len(fixed) - 1:
-                    self._note(muscle, f"point '{point.name}'")
-                else:
-                    wraps.append(self._catch(muscle, point, after))
-                    taken.add(after)
+        wraps = self._catches(muscle, points, len(fixed))
         between: dict[int, PathPoint] = {}
         first: dict[int, _Touch] = {}
         for touch in self._touches(m, muscle, points):
-            if touch.after not in taken:
-                taken.add(touch.after)
+            number = _first_behind(wraps, touch.after)
+            if number is None:
                 first[touch.after] = touch
                 wraps.append(self._wrap(muscle, touch))
                 continue
-            site = (
-                self._between(muscle, first.get(touch.after), touch)
-                if touch.after not in between
-                else None
-            )
+            site = None
+            if touch.after not in between:
+                site = self._between(muscle, first.get(touch.after), touch)
             if site is None:
                 item = touch.wrap.wrap_object
                 self._note(
@@ -320,11 +316,23 @@ class _Translator:
                 continue
             between[touch.after], behind = site
             # Half a segment further: behind the site that is put in.
-            number = next(i for i, wrap in enumerate(wraps) if wrap.after == touch.after)
             new = self._wrap(muscle, touch)
             pair = (wraps[number], new) if behind else (new, wraps[number])
             wraps[number : number + 1] = pair
         return self._with_sites(m, muscle, fixed, wraps, between)
+
+    def _catches(self, muscle: Muscle, points: Sequence[PathPoint], fixed: int) -> list[TendonWrap]:
+        """Return surfaces in the place of conditional points, one between two `fixed` points."""
+        wraps: list[TendonWrap] = []
+        for i, point in enumerate(points):
+            if not point.coordinate:
+                continue
+            after = sum(not other.coordinate for other in points[:i]) - 1
+            if any(wrap.after == after for wrap in wraps) or not 0 <= after < fixed - 1:
+                self._note(muscle, f"point '{point.name}'")
+            else:
+                wraps.append(self._catch(muscle, point, after))
+        return wraps
 
     def _with_sites(
         self,

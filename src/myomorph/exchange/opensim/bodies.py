@@ -17,10 +17,12 @@ from myomorph.core.model.spatial import euler_xyz_from_rotation
 from myomorph.core.rigid.dynamics import motion_arrays
 from myomorph.core.rigid.kinematics import BodyMotion, body_motion
 from myomorph.exchange.causes import SETUPS
-from myomorph.exchange.opensim.states import Analyzed, Result, Tables
+from myomorph.exchange.opensim.states import Analyzed, Result
 from myomorph.exchange.opensim.tool_setups import Analysis
 
 WHOLE = "center_of_mass"
+TITLES = {"pos": "Positions", "vel": "Velocities", "acc": "Accelerations"}
+"""Tables of BodyKinematics by the ends of their names."""
 
 # Moment arms (frames x muscles x coordinates) that are in memory at a time.
 MAX_ENTRIES = 20_000_000
@@ -136,44 +138,69 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
     where the analysis requests so. Orientations are body-fixed X-Y-Z angles.
     """
     model = here.model
-    known = (*model.body_names, WHOLE)
-    names, notes = listed(analysis, "bodies", "body", known)
+    names, notes = listed(analysis, "bodies", "body", (*model.body_names, WHOLE))
     if not names:
-        asked = ", ".join(analysis.options["bodies"].split())
-        raise BadData(f"{analysis.name}: none of its bodies ({asked}) is in model '{model.name}'")
+        raise BadData(
+            f"{analysis.name}: none of its bodies ({', '.join(analysis.options['bodies'].split())})"
+            f" is in model '{model.name}'"
+        )
     bodies = [name for name in names if name != WHOLE]
     moved, numbers = _moved(here)
+    degrees = in_degrees(analysis)
+    in_body = analysis.flag("express_results_in_body_local_frame", False)
+    labels = [f"{body}_{axis}" for body in bodies for axis in ("X", "Y", "Z", "Ox", "Oy", "Oz")]
     index = np.array([numbers[name] for name in bodies], np.int64)
     centers = np.array([model.body(name).mass_center for name in bodies]).reshape(-1, 3)
-    in_body = analysis.flag("express_results_in_body_local_frame", False)
-    factor = 180.0 / np.pi if in_degrees(analysis) else 1.0
-    turns = moved.rotations[:, index]
+    values = _body_values(moved, index, centers, in_body, 180.0 / np.pi if degrees else 1.0)
+    if WHOLE in names:
+        labels += [f"{WHOLE}_{axis}" for axis in "XYZ"]
+        whole = _center_of_mass(model, moved, numbers)
+        values = [np.hstack(pair) for pair in zip(values, whole, strict=True)]
+    place = "bodyLocal" if in_body else "global"
+    tables = {
+        f"{kind}_{place if kind != 'pos' else 'global'}": here.table(labels, part, title, degrees)
+        for (kind, title), part in zip(TITLES.items(), values, strict=True)
+    }
+    return (
+        tables,
+        f"body kinematics: {len(here.motion)} frames, {len(bodies)} bodies",
+        tuple(notes),
+    )
+
+
+def _body_values(
+    moved: BodyMotion, index: np.ndarray, centers: Array, in_body: bool, factor: float
+) -> list[Array]:
+    """Return the columns of each table of BodyKinematics.
+
+    Parameters
+    ----------
+    moved : motion of all bodies
+    index : (bodies,) those to report
+    centers : (bodies, 3) their centers of mass, in their own frames [m]
+    in_body : velocities and accelerations in the bodies' own axes
+    factor : of angles, from radians
+
+    Returns
+    -------
+    positions, velocities and accelerations, (frames, 6 bodies) each
+    """
+    rotations = moved.rotations[:, index]
     angles = (
-        euler_xyz_from_rotation(turns),
+        euler_xyz_from_rotation(rotations),
         moved.angular_velocities[:, index],
         moved.angular_accelerations[:, index],
     )
-    tables: Tables = {}
-    titles = (("pos", "Positions"), ("vel", "Velocities"), ("acc", "Accelerations"))
-    whole = _center_of_mass(model, moved, numbers) if WHOLE in names else None
-    columns = tuple(
-        f"{body}_{axis}" for body in bodies for axis in ("X", "Y", "Z", "Ox", "Oy", "Oz")
-    )
-    for order, (kind, title) in enumerate(titles):
-        places = moved.of_points(index, centers)[order]
-        turning = angles[order]
-        if in_body and kind != "pos":
-            places = np.einsum("fbji,fbj->fbi", turns, places)
-            turning = np.einsum("fbji,fbj->fbi", turns, turning)
-        values = np.concatenate([places, factor * turning], axis=2).reshape(len(here.motion), -1)
-        labels = columns
-        if whole is not None:
-            values = np.hstack([values, whole[order]])
-            labels = (*columns, *(f"{WHOLE}_{axis}" for axis in "XYZ"))
-        name = f"{kind}_bodyLocal" if in_body and kind != "pos" else f"{kind}_global"
-        tables[name] = here.table(labels, values, title, in_degrees(analysis))
-    text = f"body kinematics: {len(here.motion)} frames, {len(bodies)} bodies"
-    return tables, text, tuple(notes)
+    values = []
+    for order, (places, turning) in enumerate(
+        zip(moved.of_points(index, centers), angles, strict=True)
+    ):
+        if in_body and order > 0:
+            places = np.einsum("fbji,fbj->fbi", rotations, places)
+            turning = np.einsum("fbji,fbj->fbi", rotations, turning)
+        both = np.concatenate([places, factor * turning], axis=2)
+        values.append(both.reshape(len(rotations), -1))
+    return values
 
 
 def point_kinematics(here: Analyzed, analysis: Analysis) -> Result:

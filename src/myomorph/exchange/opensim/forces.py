@@ -14,7 +14,7 @@ from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.messages import Message, located
-from myomorph.core.model.model import GROUND, Actuator
+from myomorph.core.model.model import GROUND, Actuator, Model
 from myomorph.core.model.paths import PassiveTorque
 from myomorph.core.model.series import Series
 from myomorph.core.muscles.fiber_states import state_names
@@ -123,42 +123,46 @@ def force_columns(
     -------
     names, values (frames, columns) [N, N m or m], and notes of what is left out
     """
-    model = here.model
-    frames = len(here.motion)
-    c, rates, _ = here.arrays
-    pulling = (
-        [] if forces is None else [name for name in forces.names if name in model.muscle_names]
-    )
-    columns: dict[str, Array] = {} if forces is None else {name: forces[name] for name in pulling}
-    limits = {
-        torque.name.removesuffix("_upper").removesuffix("_lower")
-        for torque in model.passive_torques
-        if _limit(torque)
-    }
-    for torque in model.passive_torques:
-        j = model.coordinate_names.index(torque.coordinate)
-        name = (
-            torque.name.removesuffix("_upper").removesuffix("_lower")
-            if _limit(torque)
-            else f"{torque.name}_Force"
-        )
-        columns[name] = columns.get(name, np.zeros(frames)) + torque.total(c[:, j], rates[:, j])
+    muscles = here.model.muscle_names
+    columns: dict[str, Array] = {}
     if forces is not None:
-        columns |= {name: forces[name] for name in forces.names if name not in pulling}
+        columns |= {name: forces[name] for name in forces.names if name in muscles}
+    _add_passive_torques(columns, here)
+    if forces is not None:
+        columns |= {name: forces[name] for name in forces.names if name not in muscles}
     columns |= _external(here)
-    notes = (
-        [SETUPS.message(f"the column PotentialEnergy of {', '.join(sorted(limits))} is left out")]
-        if limits
-        else []
-    )
-    if model.bushings:
-        notes.append(
-            SETUPS.message(
-                f"forces of {', '.join(bushing.name for bushing in model.bushings)} are left out"
-            )
-        )
+    frames = len(here.motion)
     values = np.stack(list(columns.values()), axis=1) if columns else np.zeros((frames, 0))
-    return tuple(columns), values, tuple(notes)
+    return tuple(columns), values, tuple(_left_out(here.model))
+
+
+def _add_passive_torques(columns: dict[str, Array], here: Analyzed) -> None:
+    """Add the passive torques of coordinates, (frames,) each; both sides of a limit are one."""
+    coordinates, rates, _ = here.arrays
+    for torque in here.model.passive_torques:
+        j = here.model.coordinate_names.index(torque.coordinate)
+        name = _limit_name(torque) if _limit(torque) else f"{torque.name}_Force"
+        before = columns.get(name, np.zeros(len(here.motion)))
+        columns[name] = before + torque.total(coordinates[:, j], rates[:, j])
+
+
+def _left_out(model: Model) -> list[Message]:
+    """Report columns that OpenSim would have beside these."""
+    limits = {_limit_name(torque) for torque in model.passive_torques if _limit(torque)}
+    notes = []
+    if limits:
+        notes.append(
+            SETUPS.message(f"the column PotentialEnergy of {', '.join(sorted(limits))} is left out")
+        )
+    if model.bushings:
+        names = ", ".join(bushing.name for bushing in model.bushings)
+        notes.append(SETUPS.message(f"forces of {names} are left out"))
+    return notes
+
+
+def _limit_name(torque: PassiveTorque) -> str:
+    """Return the name of the CoordinateLimitForce of which a torque is a side."""
+    return torque.name.removesuffix("_upper").removesuffix("_lower")
 
 
 def _limit(passive_torque: PassiveTorque) -> bool:

@@ -151,11 +151,7 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
     """
     model_path = needed(setup.model, "model_file", source)
     motion_path = needed(setup.coordinates, "coordinates_file", source)
-    # OpenSim adds the ending where a name has none.
-    plain = Path(setup.output.replace("\\", "/")).name
-    target = setup.results / (
-        plain if Path(plain).suffix.lower() in (".sto", ".mot") else f"{plain}.sto"
-    )
+    target = _torque_file(setup)
     check_outputs([target], (source, model_path, motion_path, setup.loads))
 
     model = reading.open_model(model_path)
@@ -166,18 +162,23 @@ def run_inverse_dynamics(setup: InverseDynamicsSetup, source: Path) -> ToolResul
     torques, warnings = net_torques(model, motion, wrenches, setup.excluded)
     torques = torques_in_order(model, torques)
     count = 0 if wrenches is None else len(wrenches.names)
-    lines = f"{len(torques)} frames, {len(torques.names)} coordinates, {count} external forces"
+    line = f"{len(torques)} frames, {len(torques.names)} coordinates, {count} external forces"
     residual = dynamics_line(model, motion, torques, wrenches)
-    lines += f"; {residual}" if residual else ""
     notes = () if wrenches is None else wrenches.notes
-    written = write_outputs(table_writers({target: torque_table(torques, model)}))
     of_model = located(model_path.name, model.warnings)
     return ToolResult(
         tool="InverseDynamicsTool",
-        lines=(lines,),
-        written=written,
+        lines=(f"{line}; {residual}" if residual else line,),
+        written=write_outputs(table_writers({target: torque_table(torques, model)})),
         warnings=(*odd, *notes, *setup.warnings, *of_model, *warnings),
     )
+
+
+def _torque_file(setup: InverseDynamicsSetup) -> Path:
+    """Return the file of generalized forces; OpenSim adds the ending where a name has none."""
+    name = Path(setup.output.replace("\\", "/")).name
+    has_ending = Path(name).suffix.lower() in (".sto", ".mot")
+    return setup.results / (name if has_ending else f"{name}.sto")
 
 
 def table_writers(tables: dict[Path | None, Table]) -> Writers:
@@ -254,59 +255,34 @@ def location_table(model: Model, fit: KinematicsFit) -> Table:
 
 def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     """Run the analyses of a setup that exist here; the others are named in the warnings."""
-    built = [analysis for analysis in setup.analyses if analysis.kind in ANALYSES]
-    others = tuple(
-        dict.fromkeys(analysis.kind for analysis in setup.analyses if analysis.kind not in ANALYSES)
-    )
-    if not built:
-        asked = ", ".join(others) or "none"
-        raise BadData(
-            f"{source}: asks for {asked}, but the analyses that exist are"
-            f" {listing(asked, tuple(ANALYSES))}"
-        )
+    chosen, missing = _chosen_analyses(setup, source)
     model_path = needed(setup.model, "model_file", source)
-    warnings = [
-        *setup.warnings,
-        *(SETUPS.message(f"analysis {kind} is left out: it is not built") for kind in others),
-    ]
+    warnings = [*setup.warnings, *missing]
 
     model = reading.open_model(model_path)
     warnings += located(model_path.name, model.warnings)
-    actuators: tuple[Actuator, ...] = ()
-    for path in setup.actuators:
-        with reading.about(path):
-            actuators += read_actuators(path, model)
-    here, notes = analyzed(setup, model, actuators, source)
+    here, notes = analyzed(setup, model, _actuators(setup, model), source)
     warnings += notes
     lines: list[str] = []
-    tables: dict[Path, Table] = {}
-    controls: dict[Path, Table] = {}
+    writers: dict[Path, Callable[[Path], object]] = {}
+    controls: dict[Path, Callable[[Path], object]] = {}
     name = setup.name or source.stem
-    for analysis in built:
+    for analysis in chosen:
         results, text, odd = ANALYSES[analysis.kind](here.every(analysis.step), analysis)
         lines.append(text)
         warnings += odd
-        for end, table in results.items():
-            tables[
-                setup.results
-                / f"{'_'.join(part for part in (name, analysis.name, end) if part)}.sto"
-            ] = table
+        writers |= {
+            setup.results / _table_name(name, analysis.name, end): partial(write_sto, table)
+            for end, table in results.items()
+        }
         if analysis.kind == "StaticOptimization":
-            controls[setup.results / f"{name}_{analysis.name}_controls.xml"] = results["activation"]
-    if any(analysis.kind in WITH_FORCES for analysis in built) and here.wrenches is not None:
+            controls[setup.results / f"{name}_{analysis.name}_controls.xml"] = partial(
+                write_controls, results["activation"]
+            )
+    writers |= controls
+    if any(analysis.kind in WITH_FORCES for analysis in chosen) and here.wrenches is not None:
         warnings = [*here.wrenches.notes, *warnings]
-    named = (
-        setup.coordinates,
-        setup.states,
-        setup.loads,
-        *setup.actuators,
-        *(analysis.forces for analysis in built),
-    )
-    check_outputs((*tables, *controls), (source, model_path, *named))
-    writers: dict[Path, Callable[[Path], object]] = {
-        path: partial(write_sto, table) for path, table in tables.items()
-    }
-    writers |= {path: partial(write_controls, control) for path, control in controls.items()}
+    check_outputs(tuple(writers), (source, model_path, *_named_files(setup, chosen)))
     return ToolResult(
         tool="AnalyzeTool",
         lines=tuple(lines),
@@ -315,13 +291,53 @@ def run_analyze(setup: AnalyzeSetup, source: Path) -> ToolResult:
     )
 
 
+def _actuators(setup: AnalyzeSetup, model: Model) -> tuple[Actuator, ...]:
+    """Read the actuators that a setup adds to the model."""
+    actuators: tuple[Actuator, ...] = ()
+    for path in setup.actuators:
+        with reading.about(path):
+            actuators += read_actuators(path, model)
+    return actuators
+
+
+def _table_name(*parts: str) -> str:
+    """Return the file of a table, whose name joins the parts that are not empty."""
+    return f"{'_'.join(part for part in parts if part)}.sto"
+
+
+def _named_files(setup: AnalyzeSetup, chosen: Sequence[Analysis]) -> list[Path | None]:
+    """Return the files that a setup and its analyses read, beside the model."""
+    of_setup = (setup.coordinates, setup.states, setup.loads, *setup.actuators)
+    return [*of_setup, *(analysis.forces for analysis in chosen)]
+
+
+def _chosen_analyses(setup: AnalyzeSetup, source: Path) -> tuple[list[Analysis], list[Message]]:
+    """Return the analyses of a setup that exist here, and a warning on each other one.
+
+    Raises `BadData` where none exists.
+    """
+    chosen = [analysis for analysis in setup.analyses if analysis.kind in ANALYSES]
+    others = dict.fromkeys(
+        analysis.kind for analysis in setup.analyses if analysis.kind not in ANALYSES
+    )
+    if not chosen:
+        asked = ", ".join(others) or "none"
+        raise BadData(
+            f"{source}: asks for {asked}, but the analyses that exist are"
+            f" {listing(asked, tuple(ANALYSES))}"
+        )
+    return chosen, [
+        SETUPS.message(f"analysis {kind} is left out: it is not built") for kind in others
+    ]
+
+
 def _optimized(here: Analyzed, analysis: Analysis) -> Result:
     assert analysis.static_optimization is not None
     reading.has_mass(here.model, "static optimization")
     torques = inverse_dynamics(here.model, here.motion, here.wrenches)
     settings = analysis.static_optimization
     actuators = here.actuators
-    tables, text, weak = static_optimization(
+    tables, text, weak = _static_optimization(
         here.model, here.motion, torques, settings, actuators, analysis.name
     )
     forces = tables["force"]
@@ -348,7 +364,7 @@ WITH_FORCES = ("StaticOptimization", "JointReaction", "InverseDynamics")
 """Kinds that external forces change: they are held against the motion, and findings come first."""
 
 
-def static_optimization(
+def _static_optimization(
     model: Model,
     motion: Motion,
     torques: Series,

@@ -6,7 +6,7 @@ Its markers are placed where a trial shows them.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -44,59 +44,88 @@ def run_scale(setup: ScaleSetup, source: Path) -> ToolResult:
     """Scale a model and place its markers; see OpenSim's ScaleTool."""
     if setup.model is None:
         raise BadData(f"{source}: names no model_file: expected that of the generic model")
-    lines = []
-    warnings = list(setup.warnings)
     read: list[Path | None] = [source, setup.model, setup.marker_set]
-    writers: dict[Path, Callable[[Path], object]] = {}
-    targets: list[Path] = []
     for part in (setup.scaler, setup.placer):
         read += [] if part is None else [part.markers, getattr(part, "coordinates", None)]
-        names = ("output_model", "output_factors", "output_motion", "output_markers")
-        targets += [path for name in names if (path := getattr(part, name, None)) is not None]
-    if _one_model(setup) and setup.scaler is not None and setup.scaler.output_model is not None:
-        # Both steps may write the same file, as many setups say: the placer's model is the one that
-        # stays.
-        targets.remove(setup.scaler.output_model)
-    check_outputs(targets, read)
+    check_outputs(_targets(setup), read)
 
     model = reading.open_model(setup.model)
     if setup.marker_set is not None:
         model = with_marker_set(model, setup.marker_set)
     model = replace(model, name=setup.name or model.name)
-    warnings += located(setup.model.name, model.warnings)
+    outputs = _Outputs(warnings=[*setup.warnings, *located(setup.model.name, model.warnings)])
     if setup.scaler is None:
-        warnings.append(
+        outputs.warnings.append(
             SETUPS.message("ModelScaler is switched off: the model keeps its size and its mass")
         )
     else:
-        model, factors, notes = scaled(model, setup.scaler, setup.mass, source)
-        warnings += notes
-        lines.append(_factors_line(factors, model))
-        if setup.scaler.output_model is not None and not _one_model(setup):
-            writers[setup.scaler.output_model] = partial(_write_model, model, warnings)
-        if setup.scaler.output_factors is not None:
-            writers[setup.scaler.output_factors] = partial(write_scale_set, factors)
+        model = _scale(model, setup, setup.scaler, source, outputs)
     if setup.placer is None:
-        warnings.append(SETUPS.message("MarkerPlacer is switched off: no marker is moved"))
+        outputs.warnings.append(SETUPS.message("MarkerPlacer is switched off: no marker is moved"))
     else:
-        placement = placed(model, setup.placer, source)
-        warnings += placement.notes
-        lines.append(_markers_line(placement))
-        if setup.placer.output_model is not None:
-            writers[setup.placer.output_model] = partial(_write_model, placement.model, warnings)
-        if setup.placer.output_markers is not None:
-            writers[setup.placer.output_markers] = partial(write_marker_set, placement.model)
-        if setup.placer.output_motion is not None:
-            writers[setup.placer.output_motion] = partial(
-                write_sto, pose_table(placement.fit.motion, model)
-            )
-    written = write_outputs(writers)
+        _place(model, setup.placer, source, outputs)
+    written = write_outputs(outputs.writers)
     return ToolResult(
         tool="ScaleTool",
-        lines=tuple(lines),
+        lines=tuple(outputs.lines),
         written=written,
-        warnings=tuple(dict.fromkeys(warnings)),
+        warnings=tuple(dict.fromkeys(outputs.warnings)),
     )
+
+
+@dataclass
+class _Outputs:
+    """Outputs of both steps of a ScaleTool: lines to print, warnings, and writers of files."""
+
+    lines: list[str] = field(default_factory=list)
+    warnings: list[Message] = field(default_factory=list)
+    writers: dict[Path, Callable[[Path], object]] = field(default_factory=dict)
+
+
+def _targets(setup: ScaleSetup) -> list[Path]:
+    """Return the files that a setup writes."""
+    names = ("output_model", "output_factors", "output_motion", "output_markers")
+    targets = [
+        path
+        for part in (setup.scaler, setup.placer)
+        for name in names
+        if (path := getattr(part, name, None)) is not None
+    ]
+    if _one_model(setup) and setup.scaler is not None and setup.scaler.output_model is not None:
+        # Both steps may write the same file, as many setups say: the placer's model is the one that
+        # stays.
+        targets.remove(setup.scaler.output_model)
+    return targets
+
+
+def _scale(
+    model: Model, setup: ScaleSetup, scaler: ScalerSetup, source: Path, outputs: _Outputs
+) -> Model:
+    """Scale a model, and add what it writes to the outputs."""
+    model, factors, notes = scaled(model, scaler, setup.mass, source)
+    outputs.warnings += notes
+    outputs.lines.append(_factors_line(factors, model))
+    if scaler.output_model is not None and not _one_model(setup):
+        outputs.writers[scaler.output_model] = partial(_write_model, model, outputs.warnings)
+    if scaler.output_factors is not None:
+        outputs.writers[scaler.output_factors] = partial(write_scale_set, factors)
+    return model
+
+
+def _place(model: Model, placer: PlacerSetup, source: Path, outputs: _Outputs) -> None:
+    """Place the markers of a model, and add what it writes to the outputs."""
+    placement = placed(model, placer, source)
+    outputs.warnings += placement.notes
+    outputs.lines.append(_markers_line(placement))
+    if placer.output_model is not None:
+        outputs.writers[placer.output_model] = partial(
+            _write_model, placement.model, outputs.warnings
+        )
+    if placer.output_markers is not None:
+        outputs.writers[placer.output_markers] = partial(write_marker_set, placement.model)
+    if placer.output_motion is not None:
+        pose = pose_table(placement.fit.motion, model)
+        outputs.writers[placer.output_motion] = partial(write_sto, pose)
 
 
 def _one_model(setup: ScaleSetup) -> bool:
@@ -136,15 +165,7 @@ def scaled(
         if kind == "manualScale":
             factors |= {body: np.array(factor) for body, factor in setup.factors.items()}
         elif setup.measurements:
-            if setup.markers is None:
-                raise BadData(f"{source}: ModelScaler has measurements, but names no marker_file")
-            trial = frames_around(_markers(setup.markers, model, notes), *setup.time_range)
-            measured = [measure(model, trial, measurement) for measurement in setup.measurements]
-            notes += located(
-                setup.markers.name,
-                (note for measurement in measured for note in measurement.notes),
-            )
-            factors = with_measured(measured, factors)
+            factors = _measured_factors(model, setup, source, factors, notes)
     unknown = [body for body in factors if body not in model.body_names and body != "ground"]
     notes += [
         SETUPS.message(f"scale factors of '{body}' are not used: the model has no such body")
@@ -160,6 +181,23 @@ def scaled(
     )
     every = {body: known.get(body, np.ones(3)) for body in ("ground", *model.body_names)}
     return larger, every, notes
+
+
+def _measured_factors(
+    model: Model,
+    setup: ScalerSetup,
+    source: Path,
+    factors: dict[str, Array],
+    notes: list[Message],
+) -> dict[str, Array]:
+    """Add the factors (3,) of bodies that distances between markers give to those known before."""
+    if setup.markers is None:
+        raise BadData(f"{source}: ModelScaler has measurements, but names no marker_file")
+    trial = frames_around(_markers(setup.markers, model, notes), *setup.time_range)
+    measured = [measure(model, trial, measurement) for measurement in setup.measurements]
+    odd = (note for measurement in measured for note in measurement.notes)
+    notes += located(setup.markers.name, odd)
+    return with_measured(measured, factors)
 
 
 def placed(model: Model, setup: PlacerSetup, source: Path) -> Placement:

@@ -210,29 +210,14 @@ def analyzed(
         notes.append(SETUPS.message("coordinates_file is left out: there is a states_file"))
     everything, odd = reading.read_noted_motion(path, model)
     notes += odd
-    # Integrators log frames at the time of the one before, which no spline bears.
-    steps = np.diff(everything.time)
-    kept = (
-        np.concatenate([[True], steps > TWIN * np.median(steps)])
-        if len(steps)
-        else np.array([True])
-    )
-    cutoff = setup.cutoff if setup.states is None else None
+    kept = _apart(everything.time)
     recorded = everything.frames(kept)
+    cutoff = setup.cutoff if setup.states is None else None
     if cutoff is not None:
-        # OpenSim's filter makes uneven frames even, and what it writes has those.
-        time = even_times(recorded.time)
-        if time is not recorded.time:
-            notes.append(
-                SETUPS.message(
-                    f"{path.name}: {len(recorded)} uneven frames became {len(time)} even ones for"
-                    " the filter",
-                    gravity="good to know",
-                )
-            )
-            spline = natural_spline(recorded.time, recorded.values)
-            everything = recorded = replace(recorded, time=time, values=spline(time))
-            kept = np.ones(len(time), bool)
+        even = _at_even_times(recorded, path, notes)
+        if even is not recorded:
+            everything = recorded = even
+            kept = np.ones(len(even), bool)
     # As OpenSim's tool, which assembles the model in every frame; its InverseDynamicsTool does not.
     whole, gaps = closed_motion(model, differentiate(recorded, cutoff))
     notes += gaps
@@ -243,23 +228,10 @@ def analyzed(
     first = int(np.searchsorted(whole.time, motion.time[0]))
     frames = slice(first, first + len(motion))
     stored = stored_states(read_sto(path), model, frames) if setup.states is not None else {}
-    if (
-        model.muscles
-        and setup.states is None
-        and not setup.equilibrium
-        and not setup.replace_forces
-    ):
-        notes.append(
-            SETUPS.message(
-                "no states_file, and equilibrium is not asked for: fibers and forces of muscles"
-                " are those of the model's default activations and fiber lengths, as in OpenSim;"
-                " lengths and moment arms do not depend on them"
-            )
-        )
+    notes += _of_default_fibers(setup, model)
     taking_part = model
     if setup.replace_forces:
         taking_part = replace(model, muscles=(), actuators=(), passive_torques=(), bushings=())
-    balanced = setup.equilibrium
     return (
         Analyzed(
             model=taking_part,
@@ -268,11 +240,54 @@ def analyzed(
             motion=motion,
             first=first,
             stored=stored,
-            balanced=balanced,
+            balanced=setup.equilibrium,
             loads=setup.loads,
         ),
         notes,
     )
+
+
+def _apart(time: Array) -> np.ndarray:
+    """Return whether each time (frames,) comes later than the one before.
+
+    Integrators log frames at the time of the one before, which no spline bears.
+    """
+    steps = np.diff(time)
+    if not len(steps):
+        return np.array([True])
+    return np.concatenate([[True], steps > TWIN * np.median(steps)])
+
+
+def _at_even_times(recorded: Motion, path: Path, notes: list[Message]) -> Motion:
+    """Interpolate a motion to even times, with a note, where its frames are uneven.
+
+    OpenSim's filter makes uneven frames even, and what it writes has those.
+    """
+    time = even_times(recorded.time)
+    if time is recorded.time:
+        return recorded
+    notes.append(
+        SETUPS.message(
+            f"{path.name}: {len(recorded)} uneven frames became {len(time)} even ones for the"
+            " filter",
+            gravity="good to know",
+        )
+    )
+    spline = natural_spline(recorded.time, recorded.values)
+    return replace(recorded, time=time, values=spline(time))
+
+
+def _of_default_fibers(setup: AnalyzeSetup, model: Model) -> list[Message]:
+    """Report that states of muscles are the model's defaults, where they are."""
+    if setup.states is not None or setup.equilibrium or setup.replace_forces or not model.muscles:
+        return []
+    return [
+        SETUPS.message(
+            "no states_file, and equilibrium is not requested: fibers and forces of muscles"
+            " are those of the model's default activations and fiber lengths, as in OpenSim;"
+            " lengths and moment arms do not depend on them"
+        )
+    ]
 
 
 def even_times(time: Array) -> Array:
