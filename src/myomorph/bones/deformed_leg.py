@@ -6,8 +6,9 @@ on both; nobody was scanned.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -147,7 +148,7 @@ def demo_case() -> tuple[Model, dict[str, Surface], dict[str, Surface], dict[str
 
 def right_leg(whole: Model) -> Model:
     """Pelvis and right leg of the legs of `myo-sim`, the pelvis held where it stands."""
-    kept = {body if body == "pelvis" else f"{body}_r" for body in BODIES}
+    kept = {"pelvis"} | {f"{body}_r" for body in BODIES if body != "pelvis"}
     root = Joint(
         name="ground_pelvis",
         kind="WeldJoint",
@@ -167,13 +168,11 @@ def right_leg(whole: Model) -> Model:
     return replace(
         whole,
         name="right leg",
-        bodies=tuple(body for body in whole.bodies if body.name in kept),
+        bodies=_named(whole.bodies, kept),
         joints=(root, *joints),
-        coordinates=tuple(
-            coordinate for coordinate in whole.coordinates if coordinate.name in moved
-        ),
+        coordinates=_named(whole.coordinates, moved),
         muscles=muscles,
-        wrap_objects=tuple(item for item in whole.wrap_objects if item.name in used),
+        wrap_objects=_named(whole.wrap_objects, used),
         couplers=tuple(coupler for coupler in whole.couplers if coupler.dependent in moved),
         markers=(),
         actuators=(),
@@ -181,6 +180,11 @@ def right_leg(whole: Model) -> Model:
         kept=(),
         ground_meshes=(),
     )
+
+
+def _named(parts: Iterable[Any], names: Collection[str]) -> tuple[Any, ...]:
+    """Return the parts that have one of these names."""
+    return tuple(part for part in parts if part.name in names)
 
 
 def _led(muscle: Muscle) -> Muscle:

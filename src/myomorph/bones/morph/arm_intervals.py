@@ -9,7 +9,7 @@ the spread of the drawn ones about the model's own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +26,7 @@ from myomorph.bones.morph.transfer.points import combined, nearest_facing
 from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.model import GROUND, Model
-from myomorph.core.model.paths import MovingPathPoint, Muscle, PathPoint
+from myomorph.core.model.paths import MovingPathPoint, Muscle, PathPoint, WrapObject
 from myomorph.core.surfaces.linear_maps import Similarity, procrustes
 from myomorph.core.surfaces.surface_points import Shape
 
@@ -138,22 +138,15 @@ def with_arm_intervals(
     if not known or not checks.arms:
         return checks
     random = np.random.default_rng(0)
-    squares = [np.zeros_like(arms.target) for arms in checks.arms]
     wraps = [item for item in morph.model.wrap_objects if item.body in known]
-    centers = np.zeros(len(wraps))
-    sizes = np.zeros(len(wraps))
+    squares = _Squares(
+        arms=[np.zeros_like(arms.target) for arms in checks.arms],
+        centers=np.zeros(len(wraps)),
+        sizes=np.zeros(len(wraps)),
+    )
     for _ in range(DRAWS):
         drawn = _drawn(morph, {body: _Displacement(bone, random) for body, bone in known.items()})
-        for sums, arm, arms in zip(
-            squares, checks.arms, target_arms(drawn, checks.arms), strict=True
-        ):
-            sums += (arms - arm.target) ** 2
-        moved = {item.name: item for item in drawn.wrap_objects}
-        centers += [
-            np.sum((moved[wrap.name].pose.translation - wrap.pose.translation) ** 2)
-            for wrap in wraps
-        ]
-        sizes += [(moved[wrap.name].size[0] - wrap.size[0]) ** 2 for wrap in wraps]
+        squares.add(drawn, checks.arms, wraps)
         if progress is not None:
             progress(1)
     unknown = {
@@ -161,20 +154,62 @@ def with_arm_intervals(
         for point in morph.points
         if not np.isfinite(point.within) or point.target_body not in known
     }
-    arms_of_muscles: list[MomentArms] = []
-    for sums, arm in zip(squares, checks.arms, strict=True):
-        within = half_width(np.sqrt(sums / DRAWS))
-        within[:, [muscle in unknown for muscle in arm.muscles]] = np.nan
-        arms_of_muscles.append(replace(arm, within=within))
-    intervals = tuple(
-        WrapInterval(
-            wrap,
-            IN_SPACE * float(np.sqrt(center / (3.0 * DRAWS))),
-            float(half_width(np.sqrt(size / DRAWS))),
-        )
-        for wrap, center, size in zip(wraps, centers, sizes, strict=True)
+    return replace(
+        checks,
+        arms=tuple(
+            _with_interval(arm, sums, unknown)
+            for arm, sums in zip(checks.arms, squares.arms, strict=True)
+        ),
+        wraps=squares.wrap_intervals(wraps),
     )
-    return replace(checks, arms=tuple(arms_of_muscles), wraps=intervals)
+
+
+@dataclass(eq=False, kw_only=True)
+class _Squares:
+    """Sums of squared deviations over drawn models.
+
+    Attributes
+    ----------
+    arms : (samples, muscles) of the moment arms of each table [m^2]
+    centers : (wrap objects,) of their centers [m^2]
+    sizes : (wrap objects,) of their first sizes [m^2]
+    """
+
+    arms: list[Array]
+    centers: Array
+    sizes: Array
+
+    def add(self, drawn: Model, tables: Sequence[MomentArms], wraps: Sequence[WrapObject]) -> None:
+        """Add the deviations of a drawn model."""
+        for sums, arm, arms in zip(self.arms, tables, target_arms(drawn, tables), strict=True):
+            sums += (arms - arm.target) ** 2
+        moved = {item.name: item for item in drawn.wrap_objects}
+        self.centers += [
+            np.sum((moved[wrap.name].pose.translation - wrap.pose.translation) ** 2)
+            for wrap in wraps
+        ]
+        self.sizes += [(moved[wrap.name].size[0] - wrap.size[0]) ** 2 for wrap in wraps]
+
+    def wrap_intervals(self, wraps: Sequence[WrapObject]) -> tuple[WrapInterval, ...]:
+        """Return the intervals of wrap objects after `DRAWS` models."""
+        return tuple(
+            WrapInterval(
+                wrap,
+                IN_SPACE * float(np.sqrt(center / (3.0 * DRAWS))),
+                float(half_width(np.sqrt(size / DRAWS))),
+            )
+            for wrap, center, size in zip(wraps, self.centers, self.sizes, strict=True)
+        )
+
+
+def _with_interval(arm: MomentArms, sums: Array, unknown: Collection[str]) -> MomentArms:
+    """Add intervals to moment arms, NaN for muscles of which they are `unknown`.
+
+    `sums`: (samples, muscles) squared deviations after `DRAWS` models [m^2].
+    """
+    within = half_width(np.sqrt(sums / DRAWS))
+    within[:, [muscle in unknown for muscle in arm.muscles]] = np.nan
+    return replace(arm, within=within)
 
 
 def _matched(morph: Morph) -> dict[str, _Known]:
@@ -196,39 +231,14 @@ def _matched(morph: Morph) -> dict[str, _Known]:
 def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
     """Displace everything on the bones of the morphed model."""
     model = morph.model
-    shifts: dict[tuple[str, str], Array] = {}
-    for body, move in moves.items():
-        members = [
-            point
-            for point in morph.points
-            if point.target_body == body and np.isfinite(point.within)
-        ]
-        if members:
-            places = np.array([point.target for point in members])
-            within = np.array([point.within for point in members])
-            moved = zip(members, move.slid(places, within) - places, strict=True)
-            shifts |= {(point.owner, point.name): by for point, by in moved}
-    still = {
-        body: Transfer(
-            BoneMap(
-                body=body,
-                target_body=body,
-                map=scaled_map(body, 1.0),
-                whole=Similarity(np.eye(3), np.zeros(3)),
-                basis="neighbors",
-            ),
-            body,
-        )
-        for body in (GROUND, *model.body_names)
-        if body not in moves
-    }
-    transfers = still | {body: move.transfer(body) for body, move in moves.items()}
+    shifts = _shifts(morph, moves)
+    transfers = {body: _still(body) for body in (GROUND, *model.body_names) if body not in moves}
+    transfers |= {body: move.transfer(body) for body, move in moves.items()}
     mapped = {joint.name for joint in morph.joints if joint.method == "mapped"}
-    skeleton = (
-        transferred_joints(model, transfers, CenterFinder(transfers, False, False)).skeleton
-        if mapped
-        else model
-    )
+    skeleton = model
+    if mapped:
+        finder = CenterFinder(transfers, False, False)
+        skeleton = transferred_joints(model, transfers, finder).skeleton
     return replace(
         model,
         muscles=tuple(_with_points(muscle, shifts) for muscle in model.muscles),
@@ -241,6 +251,38 @@ def _drawn(morph: Morph, moves: Mapping[str, _Displacement]) -> Model:
             for old, new in zip(model.joints, skeleton.joints, strict=True)
         ),
     )
+
+
+def _shifts(morph: Morph, moves: Mapping[str, _Displacement]) -> dict[tuple[str, str], Array]:
+    """Return the displacement (3,) of each path point whose interval is known [m].
+
+    Keys are the names of its muscle and its own.
+    """
+    shifts: dict[tuple[str, str], Array] = {}
+    for body, move in moves.items():
+        members = [
+            point
+            for point in morph.points
+            if point.target_body == body and np.isfinite(point.within)
+        ]
+        if members:
+            places = np.array([point.target for point in members])
+            within = np.array([point.within for point in members])
+            moved = zip(members, move.slid(places, within) - places, strict=True)
+            shifts |= {(point.owner, point.name): by for point, by in moved}
+    return shifts
+
+
+def _still(body: str) -> Transfer:
+    """Return the transfer of a body that is not displaced."""
+    bone = BoneMap(
+        body=body,
+        target_body=body,
+        map=scaled_map(body, 1.0),
+        whole=Similarity(np.eye(3), np.zeros(3)),
+        basis="neighbors",
+    )
+    return Transfer(bone, body)
 
 
 def _with_points(muscle: Muscle, shifts: Mapping[tuple[str, str], Array]) -> Muscle:

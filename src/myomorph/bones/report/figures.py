@@ -176,21 +176,10 @@ def arm_figure(
     The source's are scaled to the target by `sizes`; names of muscles in `flagged` are printed in
     the color of warnings.
     """
-    # Of too many muscles those that are flagged and the largest, in their order.
     size = np.array([sizes.get(name, 1.0) for name in moment_arms.muscles])
-    largest = np.maximum(
-        np.abs(moment_arms.source).max(axis=0) * size, np.abs(moment_arms.target).max(axis=0)
-    )
-    order = np.lexsort([-largest, [name not in flagged for name in moment_arms.muscles]])
-    shown = sorted(int(muscle) for muscle in order[:MAX_PANELS])
-    rows = -(-len(shown) // COLUMNS)
-    width = COLUMNS * CELL
-    height = MARGIN + rows * ROW + 6
+    shown = _shown_muscles(moment_arms, size, flagged)
     turning = moment_arms.kind == "rotational"
-    low = float(np.min(moment_arms.target_values)) * (180.0 / np.pi if turning else 1e3)
-    high = float(np.max(moment_arms.target_values)) * (180.0 / np.pi if turning else 1e3)
-    unit = "mm" if turning else "mm/mm"
-    words = f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
+    words = _axis_words(moment_arms.target_values, turning)
     if len(shown) < len(moment_arms.muscles):
         words += (
             f", {len(shown)} of {len(moment_arms.muscles)} muscles: those with a warning and the"
@@ -202,7 +191,7 @@ def arm_figure(
         muscle = moment_arms.muscles[muscle_index]
         x = (place % COLUMNS) * CELL
         y = MARGIN + (place // COLUMNS) * ROW
-        ours = factor * sizes.get(muscle, 1.0) * moment_arms.source[:, muscle_index]
+        ours = factor * float(size[muscle_index]) * moment_arms.source[:, muscle_index]
         lines = (ours, factor * moment_arms.target[:, muscle_index])
         within = (
             None if moment_arms.within is None else factor * moment_arms.within[:, muscle_index]
@@ -210,13 +199,35 @@ def arm_figure(
         parts.append(
             _panel(x, y, muscle, moment_arms.target_values, lines, within, muscle in flagged)
         )
+    rows = -(-len(shown) // COLUMNS)
     return drawing(
         "arms",
         f"Moment arms about {name_of(moment_arms.pair)}",
-        (width, height),
+        (COLUMNS * CELL, MARGIN + rows * ROW + 6),
         *parts,
         unit=words,
     )
+
+
+def _shown_muscles(moment_arms: MomentArms, size: Array, flagged: Collection[str]) -> list[int]:
+    """Return indices of muscles to draw: of too many, those that are flagged and the largest.
+
+    They are in their order. `size`: (muscles,) of the target over the source.
+    """
+    largest = np.maximum(
+        np.abs(moment_arms.source).max(axis=0) * size, np.abs(moment_arms.target).max(axis=0)
+    )
+    order = np.lexsort([-largest, [name not in flagged for name in moment_arms.muscles]])
+    return sorted(int(muscle) for muscle in order[:MAX_PANELS])
+
+
+def _axis_words(values: Array, turning: bool) -> str:
+    """Write the unit of moment arms, and the range of a coordinate's values (samples,)."""
+    factor = 180.0 / np.pi if turning else 1e3
+    low = float(np.min(values)) * factor
+    high = float(np.max(values)) * factor
+    unit = "mm" if turning else "mm/mm"
+    return f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
 
 
 def name_of(pair: CoordinatePair) -> str:

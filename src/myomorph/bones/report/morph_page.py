@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from myomorph.bones.morph.checks.warnings import KINDS, MorphChecks
-from myomorph.bones.morph.maps.fields import muscle_sizes
+from myomorph.bones.morph.maps.fields import BoneMap, muscle_sizes
 from myomorph.bones.morph.morphed import Morph
 from myomorph.bones.report import tables
 from myomorph.bones.report.figures import arm_figure, body_figure, bone_figures, name_of
@@ -43,6 +43,22 @@ SOURCES = (
     "pellikaan2014",
 )
 """Keys of the sources that the page cites."""
+
+ARM_COLUMNS = (
+    "Coordinate",
+    "Muscle",
+    "Source mean [mm]",
+    "Minimum",
+    "Maximum",
+    "Target mean [mm]",
+    "Minimum",
+    "Maximum",
+    "Ratio to scaled source",
+    "Same sign",
+    "Jump, source [mm]",
+    "Jump, target [mm]",
+    "Within, 90 % [mm]",
+)
 
 
 def morph_page(
@@ -222,26 +238,7 @@ def bone_section(morph: Morph) -> Section:
     bones = [
         bone for bone in morph.bones.values() if bone.basis != "neighbors" or bone.body in touched
     ]
-    measures = [
-        name
-        for name in dict.fromkeys(name for bone in bones for name in bone.measures)
-        if name != "features"
-    ]
-    rows = []
-    for bone in bones:
-        known = [_measured(name, bone.measures.get(name)) for name in measures]
-        count = "" if bone.features is None else str(len(bone.features))
-        name = bone.body if bone.body == bone.target_body else f"{bone.body} → {bone.target_body}"
-        rows.append((name, bone.basis, number(bone.whole.scale), count, *known))
-    printed = [name.replace("[m]", "[mm]").replace("_", " ") for name in measures]
-    head = ("Bone", "Basis", "Size", "Features", *(name[:1].upper() + name[1:] for name in printed))
     noted = tuple((bone.body, text) for bone in bones for text in bone.notes)
-    grids = (
-        Grid(
-            head=head, rows=tuple(rows), title="Maps of the bones", folded=len(rows) > MAX_OPEN_ROWS
-        ),
-        Grid(("Bone", "Note"), noted, "Notes of the maps"),
-    )
     lead = (
         "The target's bones, colored by the distance of the source's mapped bones: blue where the"
         " target lies inside, red where outside. Size is the scale of the target relative to the"
@@ -253,7 +250,24 @@ def bone_section(morph: Morph) -> Section:
         lead=lead,
         legend=(),
         figures=tuple(Figure(svg) for svg in figures),
-        grids=grids,
+        grids=(_map_grid(bones), Grid(("Bone", "Note"), noted, "Notes of the maps")),
+    )
+
+
+def _map_grid(bones: Sequence[BoneMap]) -> Grid:
+    """Tabulate the maps of bones with their measures."""
+    measured = dict.fromkeys(name for bone in bones for name in bone.measures)
+    measures = [name for name in measured if name != "features"]
+    rows = []
+    for bone in bones:
+        known = [_measured(name, bone.measures.get(name)) for name in measures]
+        count = "" if bone.features is None else str(len(bone.features))
+        name = bone.body if bone.body == bone.target_body else f"{bone.body} → {bone.target_body}"
+        rows.append((name, bone.basis, number(bone.whole.scale), count, *known))
+    printed = [name.replace("[m]", "[mm]").replace("_", " ") for name in measures]
+    head = ("Bone", "Basis", "Size", "Features", *(name[:1].upper() + name[1:] for name in printed))
+    return Grid(
+        head=head, rows=tuple(rows), title="Maps of the bones", folded=len(rows) > MAX_OPEN_ROWS
     )
 
 
@@ -267,63 +281,13 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
     """Moment arms over the joints' ranges, as curves and as a table."""
     if not checks.arms:
         return None
-    sizes = muscle_sizes(morph.source, morph.bones)
-    figures = []
-    for i, arm in enumerate(checks.arms):
-        flagged = {
-            w.place
-            for w in checks.warnings
-            if w.kind in ("sign", "jump", "arm") and arm.pair.target in w.text
-        }
-        folded = "" if i < FIRST_ARMS else f"About {arm.pair.target}: {len(arm.muscles)} muscles"
-        figures.append(Figure(arm_figure(arm, sizes, flagged), "full", folded=folded))
     order = tuple(
         (name_of(arms.pair), str(len(arms.muscles)), number(checks.order[arms.pair.source], 0.001))
         for arms in checks.arms
     )
-    rows = tables.arm_summary_rows(morph, checks).rows
-    printed = [
-        (
-            str(pair),
-            str(muscle),
-            *(number(1e3 * arm) for arm in arms[:6]),
-            number(arms[6]),
-            f"{100 * arms[7]:.0f} %",
-            *(number(1e3 * arm) for arm in arms[8:]),
-        )
-        for pair, muscle, *numbers in rows
-        for arms in [np.array(numbers, float).tolist()]
-    ]
-    head = (
-        "Coordinate",
-        "Muscle",
-        "Source mean [mm]",
-        "Minimum",
-        "Maximum",
-        "Target mean [mm]",
-        "Minimum",
-        "Maximum",
-        "Ratio to scaled source",
-        "Same sign",
-        "Jump, source [mm]",
-        "Jump, target [mm]",
-        "Within, 90 % [mm]",
-    )
-    title = f"All {len(rows)} pairs of muscle and coordinate"
-    if len(printed) > MAX_ROWS:
-        printed = [
-            row
-            for row in printed
-            if any(w.place == row[1] and row[0] in w.text for w in checks.warnings)
-        ]
-        printed = printed[:MAX_ROWS]
-        title = (
-            f"Those of {len(rows)} pairs of muscle and coordinate with a warning; all are in the"
-            " table of the file"
-        )
     grids = (
         Grid(("Coordinate", "Muscles", "Rank correlation"), order, "Order of mean moment arms"),
-        Grid(head=head, rows=tuple(printed), title=title, folded=True),
+        _arm_grid(morph, checks),
     )
     lead = (
         "Moment arms r = −dl/dq over each coordinate's range, the other coordinates at their"
@@ -341,9 +305,54 @@ def arm_section(morph: Morph, checks: MorphChecks) -> Section | None:
         title="Moment arms",
         lead=lead,
         legend=legend,
-        figures=tuple(figures),
+        figures=_arm_figures(morph, checks),
         grids=grids,
     )
+
+
+def _arm_figures(morph: Morph, checks: MorphChecks) -> tuple[Figure, ...]:
+    """Draw the moment arms about each coordinate; only the first are open."""
+    sizes = muscle_sizes(morph.source, morph.bones)
+    figures = []
+    for i, arm in enumerate(checks.arms):
+        flagged = {
+            w.place
+            for w in checks.warnings
+            if w.kind in ("sign", "jump", "arm") and arm.pair.target in w.text
+        }
+        folded = "" if i < FIRST_ARMS else f"About {arm.pair.target}: {len(arm.muscles)} muscles"
+        figures.append(Figure(arm_figure(arm, sizes, flagged), "full", folded=folded))
+    return tuple(figures)
+
+
+def _arm_grid(morph: Morph, checks: MorphChecks) -> Grid:
+    """Tabulate moment arms; of too many rows, those with a warning."""
+    rows = tables.arm_summary_rows(morph, checks).rows
+    printed = [
+        (
+            str(pair),
+            str(muscle),
+            *(number(1e3 * arm) for arm in arms[:6]),
+            number(arms[6]),
+            f"{100 * arms[7]:.0f} %",
+            *(number(1e3 * arm) for arm in arms[8:]),
+        )
+        for pair, muscle, *numbers in rows
+        for arms in [np.array(numbers, float).tolist()]
+    ]
+    title = f"All {len(rows)} pairs of muscle and coordinate"
+    if len(printed) > MAX_ROWS:
+        printed = [
+            row
+            for row in printed
+            if any(w.place == row[1] and row[0] in w.text for w in checks.warnings)
+        ]
+        printed = printed[:MAX_ROWS]
+        title = (
+            f"Those of {len(rows)} pairs of muscle and coordinate with a warning; all are in the"
+            " table of the file"
+        )
+    return Grid(head=ARM_COLUMNS, rows=tuple(printed), title=title, folded=True)
 
 
 def muscle_section(morph: Morph) -> Section | None:

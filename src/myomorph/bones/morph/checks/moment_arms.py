@@ -362,11 +362,37 @@ def _jumps(arms: Callable[[Array], Array], values: Array, sampled: Array) -> tup
     odd = np.abs(steps - 0.5 * (padded[:-2] + padded[2:]))
     column = np.flatnonzero(odd.max(axis=0) > ODD * np.abs(sampled).max(axis=0))
     worst = odd.argmax(axis=0)[column]
-    low = values[worst]
-    high = values[worst + 1]
     below = sampled[worst, column]
     above = sampled[worst + 1, column]
-    step = np.abs(above - below)
+    ends = (values[worst], values[worst + 1])
+    left, place = _halved(arms, column, ends, (below, above))
+    stays = left > STAYS * np.abs(above - below)
+    jumps[column[stays]] = left[stays]
+    at[column[stays]] = place[stays]
+    return jumps, at
+
+
+def _halved(
+    arms: Callable[[Array], Array],
+    column: np.ndarray,
+    ends: tuple[Array, Array],
+    at_ends: tuple[Array, Array],
+) -> tuple[Array, Array]:
+    """Halve an interval of each column again and again, and go on with the half that jumps more.
+
+    Parameters
+    ----------
+    arms : from values (n,) to moment arms (n, muscles)
+    column : (n,) indices of muscles
+    ends : (n,) values of the coordinate at which the intervals begin and end
+    at_ends : (n,) moment arms there
+
+    Returns
+    -------
+    (n,) what is left between the ends, and (n,) where
+    """
+    low, high = ends
+    below, above = at_ends
     row = np.arange(len(column))
     for _ in range(HALVINGS if len(column) else 0):
         middle = 0.5 * (low + high)
@@ -376,8 +402,4 @@ def _jumps(arms: Callable[[Array], Array], values: Array, sampled: Array) -> tup
         above = np.where(first, r, above)
         low = np.where(first, low, middle)
         below = np.where(first, below, r)
-    left = np.abs(above - below)
-    stays = left > STAYS * step
-    jumps[column[stays]] = left[stays]
-    at[column[stays]] = 0.5 * (low + high)[stays]
-    return jumps, at
+    return np.abs(above - below), 0.5 * (low + high)

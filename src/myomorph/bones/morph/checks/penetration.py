@@ -13,7 +13,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
 from myomorph.core.model.surface import Surface, face_crosses
 from myomorph.core.muscles.drawn_paths import drawn_paths
-from myomorph.core.muscles.model_paths import compile_paths
+from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.core.surfaces.surface_points import Boxes
@@ -216,37 +216,68 @@ def path_depths(
     that run through no bone are left out.
     """
     paths = compile_paths(model)
-    tree = compile_tree(model)
+    lengths = [solid.length for solid in bones.values()]
+    step = max(STEP * min(lengths), FINEST * max(lengths)) if lengths else np.inf
+    looked = _looked_at(model, paths, poses, muscles)
+    points, muscle, pose = _samples(paths, poses.coordinates, looked, step)
+    placed = forward_kinematics(compile_tree(model), np.ascontiguousarray(poses.coordinates))
+    beside = [bones_beside(model, muscle) for muscle in model.muscles]
+    result: dict[tuple[str, str], Depth] = {}
+    for body, solid in bones.items():
+        near = np.flatnonzero(np.array([body in bodies for bodies in beside], dtype=bool)[muscle])
+        number = placed.tree.body_index[body]
+        bone = (placed.rotations[:, number], placed.origins[:, number])
+        deepest = _deepest(solid, bone, points[near], pose[near], muscle[near])
+        result |= {(model.muscle_names[m], body): depth for m, depth in deepest.items()}
+    return result
+
+
+def _looked_at(
+    model: Model, paths: Paths, poses: Poses, muscles: Sequence[str] | None
+) -> np.ndarray:
+    """Return in which poses each muscle is checked, (poses, muscles).
+
+    These are the default pose and those whose coordinate moves it; `muscles`: all by default.
+    """
     wanted = np.isin(model.muscle_names, model.muscle_names if muscles is None else list(muscles))
     moves = np.zeros((len(model.muscles), len(model.coordinates)), dtype=bool)
     moves[paths.arm_muscle, paths.arm_coordinate] = True
     column = np.array(
         [model.coordinate_names.index(name) if name else -1 for name in poses.moved], dtype=np.int64
     )
-    looked = wanted[None] & ((column < 0)[:, None] | moves[:, column].T)
-    lengths = [solid.length for solid in bones.values()]
-    step = max(STEP * min(lengths), FINEST * max(lengths)) if lengths else np.inf
-    points, muscle, pose = _samples(paths, poses.coordinates, looked, step)
-    placed = forward_kinematics(tree, np.ascontiguousarray(poses.coordinates))
-    beside = [bones_beside(model, muscle) for muscle in model.muscles]
-    result: dict[tuple[str, str], Depth] = {}
-    for body, solid in bones.items():
-        near = np.flatnonzero(np.array([body in bodies for bodies in beside], dtype=bool)[muscle])
-        number = tree.body_index[body]
-        away = points[near] - placed.origins[pose[near], number]
-        local = np.einsum("nji,nj->ni", placed.rotations[pose[near], number], away)
-        depths = solid.depths(local)
-        for m in np.unique(muscle[near[depths > 0.0]]):
-            rows = np.flatnonzero(muscle[near] == m)
-            deepest = rows[np.argmax(depths[rows])]
-            sample = near[deepest]
-            outward = placed.rotations[pose[sample], number] @ solid.way_out(local[deepest])
-            result[model.muscle_names[m], body] = Depth(
-                depth=float(depths[deepest]),
-                pose=int(pose[sample]),
-                place=points[sample],
-                outward=outward,
-            )
+    return np.asarray(wanted[None] & ((column < 0)[:, None] | moves[:, column].T))
+
+
+def _deepest(
+    solid: Solid,
+    bone: tuple[Array, Array],
+    points: Array,
+    pose: np.ndarray,
+    muscle: np.ndarray,
+) -> dict[int, Depth]:
+    """Find the deepest sample of each muscle in a bone, by the muscle's index.
+
+    Parameters
+    ----------
+    solid : the bone
+    bone : rotations (poses, 3, 3) and origins (poses, 3) of its body in ground [m]
+    points : (samples, 3) of paths in ground [m]
+    pose : (samples,) index of the pose of each
+    muscle : (samples,) index of the muscle of each
+    """
+    rotations, origins = bone
+    local = np.einsum("nji,nj->ni", rotations[pose], points - origins[pose])
+    depths = solid.depths(local)
+    result = {}
+    for m in np.unique(muscle[depths > 0.0]):
+        rows = np.flatnonzero(muscle == m)
+        deepest = rows[np.argmax(depths[rows])]
+        result[int(m)] = Depth(
+            depth=float(depths[deepest]),
+            pose=int(pose[deepest]),
+            place=points[deepest],
+            outward=rotations[pose[deepest]] @ solid.way_out(local[deepest]),
+        )
     return result
 
 

@@ -14,6 +14,7 @@ from myomorph.bones.causes import ATTACHMENTS, FIBERS, JOINTS, PATHS
 from myomorph.bones.morph.checks.moment_arms import MomentArms
 from myomorph.bones.morph.checks.penetration import Penetration
 from myomorph.bones.morph.morphed import Morph
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
@@ -203,7 +204,7 @@ def _one_arm(
     source = moment_arms.source[:, index]
     target = moment_arms.target[:, index] / size
     muscle = moment_arms.muscles[index]
-    about = f"{moment_arms.muscles[index]}: moment arm about {moment_arms.pair.target}"
+    about = f"{muscle}: moment arm about {moment_arms.pair.target}"
     jump = moment_arms.target_jumps[index] / size
     before = moment_arms.source_jumps[index]
     if jump > before + least:
@@ -216,11 +217,7 @@ def _one_arm(
             PATHS.message(f"{about} jumps by {where}, source by {_mm(before)}"),
             size=jump / least,
         )
-    peak = float(np.abs(source).max())
-    peak_target = float(np.abs(target).max())
-    floor = max(least, options.weak * peak)
-    floor_target = max(least, options.weak * peak_target)
-    against = (np.abs(source) > floor) & (np.abs(target) > floor_target) & (source * target < 0.0)
+    against = _against(source, target, least, options.weak)
     if against.any():
         worst = int(np.argmax(np.where(against, np.abs(target), 0.0)))
         where = (
@@ -234,11 +231,35 @@ def _one_arm(
             PATHS.message(f"{about} is {where}: the other sign in {share}"),
             size=float(against.mean()),
         )
-        return
+    else:
+        yield from _odd_size(muscle, about, (source, target), size, least, options.ratio)
+
+
+def _against(source: Array, target: Array, least: float, weak: float) -> np.ndarray:
+    """Return where moment arms (samples,) have opposite signs, and are large enough to have one.
+
+    `least`: moment arms below it are none [m]; `weak`: as `CheckOptions.weak`.
+    """
+    floor = max(least, weak * float(np.abs(source).max()))
+    floor_target = max(least, weak * float(np.abs(target).max()))
+    large = (np.abs(source) > floor) & (np.abs(target) > floor_target)
+    return np.asarray(large & (source * target < 0.0))
+
+
+def _odd_size(
+    muscle: str, about: str, arms: tuple[Array, Array], size: float, least: float, limit: float
+) -> Iterator[Finding]:
+    """Yield a warning where moment arms have another size than that of the bones explains.
+
+    `arms`: (samples,) of the source, and of the target in the source's size [m]; `size`: of the
+    target over the source; `least`: moment arms below it are none [m]; `limit`: as
+    `CheckOptions.ratio`.
+    """
+    source, target = arms
     rms = float(np.sqrt(np.mean(source**2)))
     rms_target = float(np.sqrt(np.mean(target**2)))
     ratio = rms_target / max(rms, 1e-12)
-    unlike = not 1.0 / options.ratio <= ratio <= options.ratio and abs(rms_target - rms) > least
+    unlike = not 1.0 / limit <= ratio <= limit and abs(rms_target - rms) > least
     if max(rms, rms_target) > 2.0 * least and unlike:
         both = f"{_mm(size * rms_target)} root mean square, source {_mm(rms)}"
         text = f"{about} is {ratio:.2g} times what the size of the bones explains ({both})"

@@ -14,7 +14,7 @@ plane keep their axes and change their sign.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -159,19 +159,29 @@ def with_other_side(
             f"model '{model.name}' has both sides, or no body away from the plane: there is nothing"
             " to add"
         )
+    more = _added_parts(model, copy, bodies, suffix)
+    whole = {what: getattr(model, what) + parts for what, parts in more.items()}
+    drawn = tuple(_with_meshes(old, new) if old.name in side.middle else old for old, new in pairs)
+    return replace(model, **(whole | {"bodies": drawn + more["bodies"]}))
 
-    def added(what: str, wanted: Callable[[Any], bool]) -> tuple[Any, ...]:
-        old = getattr(model, what)
-        new = getattr(copy, what)
-        names = {part.name for part in old}
-        renamed = [
-            other.name not in (part.name, part.name + suffix)
-            for part, other in zip(old, new, strict=True)
-        ]
+
+def _added_parts(
+    model: Model, copy: Model, bodies: Collection[str], suffix: str
+) -> dict[str, tuple[Any, ...]]:
+    """Return the parts of a mirrored copy that a model lacks, by the model's field.
+
+    `bodies`: those that are added; `suffix`: behind names without a side.
+    """
+
+    def added(what: str, belongs: Callable[[Any], bool]) -> tuple[Any, ...]:
+        """Return new parts that belong to the other side, by their names or otherwise."""
+        before = getattr(model, what)
+        names = {part.name for part in before}
         return tuple(
-            part
-            for part, tells in zip(new, renamed, strict=True)
-            if part.name not in names and (tells or wanted(part))
+            new
+            for old, new in zip(before, getattr(copy, what), strict=True)
+            if new.name not in names
+            and (new.name not in (old.name, old.name + suffix) or belongs(new))
         )
 
     def on_added(part: Any) -> bool:
@@ -182,36 +192,36 @@ def with_other_side(
 
     joints = tuple(joint for joint in copy.joints if joint.child in bodies)
     coordinates = {name for joint in joints for name in joint.coordinates}
-    muscles = added(
-        "muscles", lambda muscle: any(point.body in bodies for point in muscle.path.points)
-    )
-    used = {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
-    more: dict[str, Any] = {
-        "bodies": tuple(body for body in copy.bodies if body.name in bodies),
+
+    def moved(part: Any) -> bool:
+        return part.coordinate in coordinates
+
+    muscles = added("muscles", lambda muscle: any(map(on_added, muscle.path.points)))
+    used = _used_wraps(muscles)
+    return {
+        "bodies": _named(copy.bodies, bodies),
         "joints": joints,
-        "coordinates": tuple(
-            coordinate for coordinate in copy.coordinates if coordinate.name in coordinates
-        ),
+        "coordinates": _named(copy.coordinates, coordinates),
         "markers": added("markers", on_added),
         "muscles": muscles,
-        "wrap_objects": added(
-            "wrap_objects", lambda wrap: wrap.body in bodies or wrap.name in used
-        ),
-        "actuators": added(
-            "actuators",
-            lambda actuator: actuator.coordinate in coordinates or actuator.body in bodies,
-        ),
+        "wrap_objects": added("wrap_objects", lambda wrap: on_added(wrap) or wrap.name in used),
+        "actuators": added("actuators", lambda actuator: moved(actuator) or on_added(actuator)),
         "couplers": added("couplers", lambda coupler: coupler.dependent in coordinates),
         "loops": added("loops", ties_added),
         "frames": added("frames", on_added),
-        "passive_torques": added(
-            "passive_torques", lambda torque: torque.coordinate in coordinates
-        ),
+        "passive_torques": added("passive_torques", moved),
         "bushings": added("bushings", ties_added),
     }
-    whole: dict[str, Any] = {what: getattr(model, what) + parts for what, parts in more.items()}
-    drawn = tuple(_with_meshes(old, new) if old.name in side.middle else old for old, new in pairs)
-    return replace(model, **(whole | {"bodies": drawn + more["bodies"]}))
+
+
+def _named(parts: Iterable[Any], names: Collection[str]) -> tuple[Any, ...]:
+    """Return the parts that have one of these names."""
+    return tuple(part for part in parts if part.name in names)
+
+
+def _used_wraps(muscles: Iterable[Muscle]) -> set[str]:
+    """Return the names of wrap objects that muscles run around."""
+    return {wrap.wrap_object for muscle in muscles for wrap in muscle.path.wraps}
 
 
 def _with_meshes(body: Body, other: Body) -> Body:
@@ -359,32 +369,21 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
     """
     copy = mirrored_parts(model, _naming_by_bodies(model, other_side_of(model, axis)))
     new = [muscle for muscle in copy.muscles if muscle.name not in model.muscle_names]
-    if not new:
-        raise BadModel(
-            f"model '{model.name}': every muscle has its counterpart, or has no side: nothing to"
-            " mirror"
-        )
-    known = {GROUND, *model.body_names}
-    missing = {point.body for muscle in new for point in muscle.path.points} - known
-    if missing:
-        raise BadModel(
-            f"model '{model.name}': no body of the other side: {', '.join(sorted(missing))}"
-        )
+    _check_new_muscles(model, new)
     # From each body of the mirrored model to the model's own body of that name.
     ours = standing_poses(model, dict.fromkeys(model.coordinate_names, 0.0))
     theirs = standing_poses(copy, dict.fromkeys(copy.coordinate_names, 0.0))
     seats = {name: ours[name].inverse() @ theirs[name] for name in ours if name in theirs}
-    wraps = {item.name: item for item in copy.wrap_objects}
-    used = {wrap.wrap_object for muscle in new for wrap in muscle.path.wraps}
-    present = {wrap.wrap_object for muscle in model.muscles for wrap in muscle.path.wraps}
-    both = sorted(used & present)
+    used = _used_wraps(new)
+    both = sorted(used & _used_wraps(model.muscles))
     if both:
         raise BadModel(
             f"model '{model.name}': both sides go around {', '.join(both)}: name one for each side"
         )
+    wraps = {item.name: item for item in copy.wrap_objects}
     placed = tuple(
-        replace(wraps[name], pose=seats[wraps[name].body] @ wraps[name].pose)
-        for name in wraps
+        replace(item, pose=seats[item.body] @ item.pose)
+        for name, item in wraps.items()
         if name in used
     )
     markers = tuple(
@@ -402,6 +401,21 @@ def with_other_muscles(model: Model, axis: str | ArrayLike = "z") -> tuple[Model
         f"{len(new)} muscles are the mirror images of the other side's",
         *_sides_differ(model, seats, new),
     )
+
+
+def _check_new_muscles(model: Model, new: Sequence[Muscle]) -> None:
+    """Refuse a model that no muscle can be added to, or that lacks a body of one."""
+    if not new:
+        raise BadModel(
+            f"model '{model.name}': every muscle has its counterpart, or has no side: nothing to"
+            " mirror"
+        )
+    known = {GROUND, *model.body_names}
+    missing = {point.body for muscle in new for point in muscle.path.points} - known
+    if missing:
+        raise BadModel(
+            f"model '{model.name}': no body of the other side: {', '.join(sorted(missing))}"
+        )
 
 
 def _naming_by_bodies(model: Model, side: OtherSide) -> OtherSide:

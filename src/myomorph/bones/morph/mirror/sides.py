@@ -258,6 +258,19 @@ def _signs(
     model: Model, planes: Mapping[str, Reflection], middle: Collection[str]
 ) -> Mapping[str, float]:
     """-1 for coordinates of the middle all of whose axes turn round in its plane."""
+    votes = _votes(model, planes, middle)
+    followers = {coupler.dependent for coupler in model.couplers}
+    odd = {name for name, seen in votes.items() if seen == {True} and name not in followers}
+    for coupler in model.couplers:
+        if votes.get(coupler.dependent) == {True} and odd.issuperset(coupler.independents):
+            odd.add(coupler.dependent)
+    return FrozenMap({name: -1.0 if name in odd else 1.0 for name in model.coordinate_names})
+
+
+def _votes(
+    model: Model, planes: Mapping[str, Reflection], middle: Collection[str]
+) -> dict[str, set[bool]]:
+    """Return by coordinate of the middle whether each of its axes turns round in its plane."""
     votes: dict[str, set[bool]] = {}
     for joint in model.joints:
         if joint.child not in middle or joint.parent not in middle:
@@ -272,14 +285,7 @@ def _signs(
             )
             round_ = bool(np.linalg.norm(image + axis.vector) < 1e-6)
             votes.setdefault(axis.coordinates[0], set()).add(round_)
-    followers = {coupler.dependent for coupler in model.couplers}
-    odd = {name for name, seen in votes.items() if seen == {True} and name not in followers}
-    for coupler in model.couplers:
-        if votes.get(coupler.dependent) == {True} and all(
-            name in odd for name in coupler.independents
-        ):
-            odd.add(coupler.dependent)
-    return FrozenMap({name: -1.0 if name in odd else 1.0 for name in model.coordinate_names})
+    return votes
 
 
 def _names(
@@ -289,13 +295,7 @@ def _names(
     extent: float,
     suffix: str,
 ) -> Callable[[str, str], str]:
-    capitals = {
-        marker.name
-        for marker in model.markers
-        if abs(planes[marker.body].normal @ marker.location - planes[marker.body].offset)
-        > OFF_PLANE * extent
-        or marker.body not in middle
-    }
+    capitals = _markers_of_sides(model, planes, middle, extent)
     tables = {
         "bodies": model.body_names,
         "joints": tuple(joint.name for joint in model.joints),
@@ -322,6 +322,19 @@ def _names(
         return name + suffix
 
     return named
+
+
+def _markers_of_sides(
+    model: Model, planes: Mapping[str, Reflection], middle: Collection[str], extent: float
+) -> set[str]:
+    """Return markers off the plane of symmetry, or on a body of a side."""
+    return {
+        marker.name
+        for marker in model.markers
+        if abs(planes[marker.body].normal @ marker.location - planes[marker.body].offset)
+        > OFF_PLANE * extent
+        or marker.body not in middle
+    }
 
 
 def _counterparts(names: tuple[str, ...], capitals: Collection[str]) -> dict[str, str]:

@@ -229,48 +229,77 @@ def lay_affinely(
     """
     samples = ours.samples(POINTS)
     theirs = goal.samples(POINTS)
-    matrix = np.array(start.matrix)
-    offset = np.array(start.offset)
     middle = samples.points.mean(axis=0)
     spread = float(np.sqrt(np.mean(np.sum((samples.points - middle) ** 2, axis=1))))
     units = np.concatenate([np.full(9, spread), np.ones(3)])
+    affine = AffineMap(np.array(start.matrix), np.array(start.offset))
     distance = np.inf
     for _ in range(STEPS):
-        places, goals, normals, distance = _pairs(
-            samples, theirs, ours, goal, AffineMap(matrix, offset)
-        )
-        if len(places) < len(units):
+        pairs = _pairs(samples, theirs, ours, goal, affine)
+        distance = pairs[3]
+        if len(pairs[0]) < len(units):
             break
-        lever = places - middle
-        rows = np.hstack([(normals[:, :, None] * lever[:, None]).reshape(-1, 9), normals]) / units
-        left = np.einsum("ij,ij->i", goals - places @ matrix.T - offset, normals)
-        gram = rows.T @ rows
-        right = rows.T @ left
+        gram, right = _of_surfaces(pairs, affine, middle, units)
+        count = len(pairs[0])
         if landmarks is not None:
-            share = LANDMARK * len(rows) / len(landmarks)
-            for point, to in zip(landmarks.source, landmarks.target, strict=True):
-                pulled = np.hstack([np.kron(np.eye(3), point - middle), np.eye(3)]) / units
-                gram += share * pulled.T @ pulled
-                right += share * pulled.T @ (to - matrix @ point - offset)
-        u, stretches, vt = np.linalg.svd(matrix)
-        size = float(stretches.mean())
-        held = (
-            len(rows)
-            * max(distance, SETTLED) ** 2
-            / (INDEPENDENT * (STRAIN * size) ** 2)
-            / spread**2
-        )
-        gram[np.diag_indices(12)] += DAMPED * len(rows) + np.repeat([held, 0.0], [9, 3])
-        right[:9] += held * spread * (size * u @ vt - matrix).ravel()
+            _add_landmarks((gram, right), landmarks, affine, middle, units, count)
+        _add_strain((gram, right), affine, distance, spread, count)
         step = np.linalg.solve(gram, right) / units
-        grown = matrix + step[:9].reshape(3, 3)
-        if np.linalg.det(grown) * np.linalg.det(matrix) <= 0.0:
+        grown = affine.matrix + step[:9].reshape(3, 3)
+        if np.linalg.det(grown) * np.linalg.det(affine.matrix) <= 0.0:
             break
-        offset = matrix @ middle + offset + step[9:] - grown @ middle
-        matrix = grown
+        offset = affine.matrix @ middle + affine.offset + step[9:] - grown @ middle
+        affine = AffineMap(grown, offset)
         if np.abs(step * units).max() < SETTLED:
             break
-    return Way(AffineMap(matrix, offset), distance)
+    return Way(affine, distance)
+
+
+def _of_surfaces(
+    pairs: tuple[Array, Array, Array, float], affine: AffineMap, middle: Array, units: Array
+) -> tuple[Array, Array]:
+    """Return the normal equations of a change of the affine map by distances along normals.
+
+    Unknowns are the nine entries of its matrix about `middle` (3,) and its offset, in `units`
+    (12,). `pairs`: as `_pairs`.
+    """
+    places, goals, normals, _ = pairs
+    lever = places - middle
+    rows = np.hstack([(normals[:, :, None] * lever[:, None]).reshape(-1, 9), normals]) / units
+    left = np.einsum("ij,ij->i", goals - places @ affine.matrix.T - affine.offset, normals)
+    return rows.T @ rows, rows.T @ left
+
+
+def _add_landmarks(
+    equations: tuple[Array, Array],
+    landmarks: FeaturePoints,
+    affine: AffineMap,
+    middle: Array,
+    units: Array,
+    count: int,
+) -> None:
+    """Add the pull of landmarks, beside that of `count` pairs of points."""
+    gram, right = equations
+    share = LANDMARK * count / len(landmarks)
+    for point, to in zip(landmarks.source, landmarks.target, strict=True):
+        pulled = np.hstack([np.kron(np.eye(3), point - middle), np.eye(3)]) / units
+        gram += share * pulled.T @ pulled
+        right += share * pulled.T @ (to - affine.matrix @ point - affine.offset)
+
+
+def _add_strain(
+    equations: tuple[Array, Array], affine: AffineMap, distance: float, spread: float, count: int
+) -> None:
+    """Draw the matrix to the rotation and size nearest to it, beside `count` pairs of points.
+
+    `distance`: root mean square of the pairs; `spread`: of the source's points.
+    """
+    gram, right = equations
+    u, stretches, vt = np.linalg.svd(affine.matrix)
+    size = float(stretches.mean())
+    held = count * max(distance, SETTLED) ** 2 / (INDEPENDENT * (STRAIN * size) ** 2) / spread**2
+    gram[np.diag_indices(12)] += DAMPED * count + np.repeat([held, 0.0], [9, 3])
+    right[:9] += held * spread * (size * u @ vt - affine.matrix).ravel()
 
 
 def _pairs(

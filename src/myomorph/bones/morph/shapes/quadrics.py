@@ -94,9 +94,9 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike, weights: ArrayLike) -> Sph
         radius = float(radius + step[3])
         if np.abs(step).max() < SETTLED:
             break
-    kept = counts > 0
     rms = float(np.sqrt(np.average(apart**2, weights=counts)))
-    coverage = float(np.sum(np.asarray(weights)[kept]) / (4.0 * np.pi * (size * radius) ** 2))
+    area = float(np.sum(np.asarray(weights)[counts > 0]))
+    coverage = area / (4.0 * np.pi * (size * radius) ** 2)
     spread = _covariance(slopes, counts, rms, 4.0 * np.pi * coverage / TOGETHER**2)
     return SphereFit(
         center=frozen_array(middle + size * center),
@@ -104,7 +104,7 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike, weights: ArrayLike) -> Sph
         rms=size * rms,
         coverage=min(coverage, 1.0),
         covariance=frozen_array(size**2 * spread[:3, :3]),
-        count=int(kept.sum()),
+        count=int((counts > 0).sum()),
         hollow=_looks_inward(direction, normals, counts),
         bent=_bent(x / radius, normals, counts),
     )
@@ -122,15 +122,15 @@ def fit_cylinder(
     first = np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis)
     looks = np.asarray(normals, dtype=np.float64)
     starts = (_circle_start, partial(_normals_start, looks))
-    found = [one for start in starts if (one := _cylinder_from(x, share, first, start))]
+    found = [fit for start in starts if (fit := _cylinder_from(x, share, first, start))]
     if not found:
         raise BadData("the points do not determine a cylinder: give more of its turn")
-    best = min(found, key=lambda one: one.rms)
+    best = min(found, key=lambda fit: fit.rms)
     if found[0].rms < (1.0 + SAME) * best.rms:
         best = found[0]
-    along = x @ best.axis
     kept = best.counts > 0
-    ends = along[kept].min(), along[kept].max()
+    along = (x @ best.axis)[kept]
+    ends = along.min(), along.max()
     coverage = _coverage_of_turn(best.direction[kept], best.axis)
     patches = (
         coverage * 2.0 * np.pi * max((ends[1] - ends[0]) / best.radius, TOGETHER) / TOGETHER**2

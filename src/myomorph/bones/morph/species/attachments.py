@@ -78,6 +78,8 @@ def with_attachments(
         bone = bones.get(relative.body)
         if bone is None:
             continue
+        # How surely the attachment is known is not known.
+        features = None if bone.features is None else replace(bone.features, radii=None)
         for each, goal in zip(relative.attachments, _places(relative, bone), strict=True):
             index = 0 if each.end == "first" else -1
             for name in each.muscles:
@@ -89,26 +91,28 @@ def with_attachments(
                     continue
                 part = f"{relative.body} {name} {each.end}"
                 parts.append((part, relative.body))
-                # How surely the attachment is known is not known.
-                features = None if bone.features is None else replace(bone.features, radii=None)
                 moved = bone.shifted(goal - bone.map.apply(point.location))
                 result[part] = replace(moved, body=part, features=features)
                 muscles[name] = _with_end(muscles[name], index, replace(point, body=part))
+    notes = _notes(len(parts), kept, relatives)
+    return with_parts(source, parts, list(muscles.values())), result, notes
+
+
+def _notes(count: int, kept: Sequence[str], relatives: Sequence[RelativeBone]) -> tuple[str, ...]:
+    """Report how many attachments were moved, and muscles of which they were kept."""
     notes = []
-    if parts:
-        by = ", ".join(
-            dict.fromkeys(relative.citation for relative in relatives if relative.citation)
-        )
+    if count:
+        citations = (relative.citation for relative in relatives if relative.citation)
+        by = ", ".join(dict.fromkeys(citations))
         notes.append(
-            f"{len(parts)} attachments lie on their bones where {by or 'the species table'} has"
-            " them"
+            f"{count} attachments lie on their bones where {by or 'the species table'} has them"
         )
     if kept:
         notes.append(
             "attachments stay where the map has them, as paths would double back:"
             f" {', '.join(kept)}"
         )
-    return with_parts(source, parts, list(muscles.values())), result, tuple(notes)
+    return tuple(notes)
 
 
 def with_parts(source: Model, parts: Sequence[tuple[str, str]], muscles: Sequence[Muscle]) -> Model:

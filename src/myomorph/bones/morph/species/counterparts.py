@@ -9,7 +9,7 @@ their bodies are compared in postures in which the bones lie alike.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -381,43 +381,44 @@ def spread_over_targets(
         targets = parts[body]
         mapped = bones[body].map.apply(np.array(places))
         known = [name for name in targets if (targets[0], name) in shapes]
-        apart = [
-            float(
-                np.linalg.norm(
-                    shapes[targets[0], name].nearest(mapped, True).points - mapped, axis=1
-                ).sum()
-            )
-            for name in known
-        ]
+        apart = [_sum_of_distances(shapes[targets[0], name], mapped) for name in known]
         best = known[int(np.argmin(apart))]
         return body if best == targets[0] else part_name(body, best)
 
-    def carried(muscle: Muscle) -> Muscle:
-        fixed = [
-            point
-            for point in muscle.path.points
-            if isinstance(point, PathPoint) and point.body in parts
-        ]
-        goes = {
-            id(point): nearest(
-                point.body,
-                (
-                    [each.location for each in fixed if each.body == point.body]
-                    if point.body in digits
-                    else [point.location]
-                ),
-            )
-            for point in fixed
-        }
-        points = tuple(
-            (
-                replace(point, body=goes[id(point)])
-                if isinstance(point, PathPoint) and point.body in parts
-                else point
-            )
-            for point in muscle.path.points
-        )
-        return replace(muscle, path=replace(muscle.path, points=points))
-
     new = [(part_name(body, name), body) for body, targets in parts.items() for name in targets[1:]]
-    return with_parts(source, new, [carried(muscle) for muscle in source.muscles])
+    spread = [_on_targets(muscle, parts, digits, nearest) for muscle in source.muscles]
+    return with_parts(source, new, spread)
+
+
+def _sum_of_distances(shape: Shape, points: Array) -> float:
+    """Sum the distances of points (n, 3) from a surface [m]."""
+    return float(np.linalg.norm(shape.nearest(points, True).points - points, axis=1).sum())
+
+
+def _on_targets(
+    muscle: Muscle,
+    parts: Mapping[str, tuple[str, ...]],
+    digits: frozenset[str],
+    nearest: Callable[[str, list[Array]], str],
+) -> Muscle:
+    """Fix a muscle's points on bodies with several targets to the bodies of the nearest.
+
+    `digits`: bodies of which all points go to the same; `nearest`: from a body and points on it to
+    the body of the target.
+    """
+    fixed = [
+        point
+        for point in muscle.path.points
+        if isinstance(point, PathPoint) and point.body in parts
+    ]
+    goes: dict[int, str] = {}
+    for point in fixed:
+        places = [point.location]
+        if point.body in digits:
+            places = [each.location for each in fixed if each.body == point.body]
+        goes[id(point)] = nearest(point.body, places)
+    points = tuple(
+        replace(point, body=goes[id(point)]) if id(point) in goes else point
+        for point in muscle.path.points
+    )
+    return replace(muscle, path=replace(muscle.path, points=points))

@@ -46,16 +46,7 @@ def with_segment_shares(
         raise BadData(f"a mass of {total:g} kg: expected above 0")
     factors: dict[str, float] = {}
     for share in shares:
-        for name in share.bodies:
-            if name not in model.body_names:
-                raise UnknownName("body", name, model.body_names)
-        mass_of_segment = sum(model.body(name).mass for name in share.bodies)
-        if mass_of_segment <= 0.0:
-            raise BadData(
-                f"segment '{share.name}': its bodies {', '.join(share.bodies)} have no mass to"
-                " share"
-            )
-        factors |= dict.fromkeys(share.bodies, share.share * total / mass_of_segment)
+        factors |= dict.fromkeys(share.bodies, share.share * total / _segment_mass(model, share))
     others = sum(body.mass for body in model.bodies if body.name not in factors)
     left = 1.0 - sum(share.share for share in shares)
     if left <= 0.0 or (shares and others <= 0.0):
@@ -64,11 +55,26 @@ def with_segment_shares(
             " bodies"
         )
     rest = left * total / others
-    bodies = tuple(
-        replace(body, mass=body.mass * factor, inertia=body.inertia * factor)
-        for body, factor in ((body_, factors.get(body_.name, rest)) for body_ in model.bodies)
-    )
+    bodies = tuple(_times(body, factors.get(body.name, rest)) for body in model.bodies)
     return replace(model, bodies=bodies), tuple(share_notes(replace(model, bodies=bodies), shares))
+
+
+def _segment_mass(model: Model, share: SegmentShare) -> float:
+    """Return the mass of a segment's bodies [kg], which must be there and have one."""
+    for name in share.bodies:
+        if name not in model.body_names:
+            raise UnknownName("body", name, model.body_names)
+    mass = sum(model.body(name).mass for name in share.bodies)
+    if mass <= 0.0:
+        raise BadData(
+            f"segment '{share.name}': its bodies {', '.join(share.bodies)} have no mass to share"
+        )
+    return mass
+
+
+def _times(body: Body, factor: float) -> Body:
+    """Scale mass and inertia of a body."""
+    return replace(body, mass=body.mass * factor, inertia=body.inertia * factor)
 
 
 def with_possible_inertias(
@@ -166,15 +172,7 @@ def with_markers_of(
     table = next((candidate for candidate in tables if candidate.name == name), None)
     if table is None:
         raise UnknownName("marker table", name, tuple(candidate.name for candidate in tables))
-    for body, _ in table.places.values():
-        check_name("body", body, model.body_names)
-    for pattern in table.moving:
-        if not any(
-            fnmatchcase(coordinate_name, pattern) for coordinate_name in model.coordinate_names
-        ):
-            raise BadData(f"marker table '{name}': no coordinate fits '{pattern}'")
-    for angle in table.start or ():
-        check_name("coordinate", angle, model.coordinate_names)
+    _check_markers(table, model)
     markers = tuple(
         Marker(label, body, np.array(place)) for label, (body, place) in table.places.items()
     )
@@ -183,7 +181,7 @@ def with_markers_of(
     locked = 0
     for coordinate in model.coordinates:
         still = coordinate.name not in root and not any(
-            fnmatchcase(coordinate.name, glob) for glob in table.moving
+            fnmatchcase(coordinate.name, pattern) for pattern in table.moving
         )
         locked += still and not coordinate.locked
         default = (table.start or {}).get(coordinate.name, coordinate.default)
@@ -199,3 +197,14 @@ def with_markers_of(
             " them"
         )
     return made, tuple(notes)
+
+
+def _check_markers(table: MarkerTable, model: Model) -> None:
+    """Refuse a table of markers that names bodies or coordinates which the model lacks."""
+    for body, _ in table.places.values():
+        check_name("body", body, model.body_names)
+    for pattern in table.moving:
+        if not any(fnmatchcase(coordinate, pattern) for coordinate in model.coordinate_names):
+            raise BadData(f"marker table '{table.name}': no coordinate fits '{pattern}'")
+    for angle in table.start or ():
+        check_name("coordinate", angle, model.coordinate_names)

@@ -131,11 +131,7 @@ def put_on_rays(
             laid = _Laid(
                 bone, ray, table, posed, joint, np.array([place for _, place in points.values()])
             )
-            near = {
-                key
-                for key, (body, place) in points.items()
-                if body == toes or abs((place - laid.knuckle) @ laid.forward) <= REACH * laid.length
-            }
+            near = {key for key, (body, place) in points.items() if laid.owns(body, place)}
             parts = {}
             for body, target in ((toes, ray.toe), (joint.parent, ray.metatarsal)):
                 part = parts[body] = f"{part_name(body, target)} {side}"
@@ -220,6 +216,11 @@ class _Laid:
         )
         next_to = np.abs(bones @ axes[1]) < AT_JOINT * np.linalg.norm(self._tip)
         self._half = 0.5 * float(np.ptp(bones[next_to] @ axes[0]))
+
+    def owns(self, body: str, place: Array) -> bool:
+        """Return whether a point (3,) [m] is on the toes, or beside their joint on the foot."""
+        beside = abs((place - self.knuckle) @ self.forward) <= REACH * self.length
+        return body == self._toes or bool(beside)
 
     def map_of(self, body: str, target: str, side: str) -> BoneMap:
         """Return the map of toes or foot to the ray's toe or metatarsal."""

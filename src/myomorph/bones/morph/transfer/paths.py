@@ -47,29 +47,36 @@ def points_left_outside(
             before, after = wraps[wrap.wrap_object]
             for point in of_muscle:
                 if point.body == before.body and before.kind != "torus":
-                    places = (before, point.source), (after, point.target)
-                    share = _share(
-                        *(surface_level(w, w.pose.inverse().apply(at[None]))[0] for w, at in places)
-                    )
+                    share = _share(_level(before, point.source), _level(after, point.target))
                     shrunk[before.name] = min(share, shrunk.get(before.name, 1.0))
     shrunk = {name: max(share, SMALLEST) for name, share in shrunk.items() if share < 1.0}
     shrunk_wraps = {
-        name: (
-            before,
-            replace(after, size=tuple(size * shrunk.get(name, 1.0) for size in after.size)),
-        )
+        name: (before, _times(after, shrunk.get(name, 1.0)))
         for name, (before, after) in wraps.items()
     }
-    if not shrunk:
-        return shrunk_wraps, []
+    return shrunk_wraps, _of_shrunk(shrunk)
+
+
+def _level(wrap: WrapObject, place: Array) -> float:
+    """Return the level of a wrap object's surface at a point (3,) of its body; 1 on the surface."""
+    return surface_level(wrap, wrap.pose.inverse().apply(place[None]))[0]
+
+
+def _times(wrap: WrapObject, factor: float) -> WrapObject:
+    """Scale the sizes of a wrap object."""
+    return replace(wrap, size=tuple(size * factor for size in wrap.size))
+
+
+def _of_shrunk(shares: Mapping[str, float]) -> list[str]:
+    """Report wrap objects that are smaller, with the share of their size that is left."""
+    if not shares:
+        return []
     shown = ", ".join(
         f"'{name}' to {100.0 * share:.0f} %"
-        for name, share in sorted(shrunk.items(), key=lambda a: a[1])[:4]
+        for name, share in sorted(shares.items(), key=lambda item: item[1])[:4]
     )
-    more = f" and {len(shrunk) - 4} more" if len(shrunk) > 4 else ""
-    return shrunk_wraps, [
-        f"wrap objects are smaller than mapped, as path points would lie inside: {shown}{more}"
-    ]
+    more = f" and {len(shares) - 4} more" if len(shares) > 4 else ""
+    return [f"wrap objects are smaller than mapped, as path points would lie inside: {shown}{more}"]
 
 
 def _share(before: float, after: float) -> float:

@@ -145,14 +145,7 @@ def branch_places(
     size = float(np.mean(freed.slopes(moved)[0]))
     energy, force, stiffness = _state(freed, moved, tensions, load.rest, size)
     for _ in range(ROUNDS):
-        sound = _firm(stiffness)
-        step = np.zeros_like(moved)
-        step[sound] = -np.linalg.solve(stiffness[sound], force[sound][..., None])[..., 0]
-        # Newton's step may pass a line of action's far end: no step is longer than a quarter of a
-        # line.
-        step *= np.minimum(1.0, 0.25 * size / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[
-            :, None
-        ]
+        step = _newton_step(force, stiffness, 0.25 * size)
         share = np.ones(len(moved))
         for _ in range(12):
             trial = _state(freed, moved + share[:, None] * step, tensions, load.rest, size)
@@ -160,13 +153,25 @@ def branch_places(
             if not worse.any():
                 break
             share = np.where(worse, 0.5 * share, share)
-        share = np.where(worse, 0.0, share)
-        moved = moved + share[:, None] * step
+        step = np.where(worse, 0.0, share)[:, None] * step
+        moved = moved + step
         energy, force, stiffness = _state(freed, moved, tensions, load.rest, size)
-        if np.linalg.norm(share[:, None] * step, axis=1).max() < BALANCED * size:
+        if np.linalg.norm(step, axis=1).max() < BALANCED * size:
             break
     balanced = _firm(stiffness) & (np.linalg.norm(force, axis=1) < 1e-6 * tensions.sum())
     return np.where(balanced[:, None], moved, np.nan), balanced
+
+
+def _newton_step(force: Array, stiffness: Array, longest: float) -> Array:
+    """Return Newton's step (frames, 3), 0 where the point is not held firmly.
+
+    It may pass a line of action's far end, so it is no longer than `longest` [m].
+    """
+    sound = _firm(stiffness)
+    step = np.zeros_like(force)
+    step[sound] = -np.linalg.solve(stiffness[sound], force[sound][..., None])[..., 0]
+    norm = np.maximum(np.linalg.norm(step, axis=1), 1e-300)
+    return step * np.minimum(1.0, longest / norm)[:, None]
 
 
 def _state(
@@ -280,17 +285,7 @@ def bones_around(
     A body is taken for a virtual link where it has muscle points, but neither a mesh nor a bone of
     the target, and lies between at least two bones.
     """
-    result: dict[str, tuple[str, ...]] = {}
-    for link, around in (stated or {}).items():
-        for name in (link, *around):
-            check_name("body", name, model.body_names)
-        missing = [name for name in around if name not in bones]
-        if missing or len(around) < 2:
-            raise BadData(
-                f"virtual link '{link}' needs at least two bones around it, but got {list(around)}"
-                + (f", of which {missing} have no map" if missing else "")
-            )
-        result[link] = tuple(around)
+    result = _stated_links(model, bones, stated or {})
     used = {point.body for muscle in model.muscles for point in muscle.path.points}
     for body in model.bodies:
         if (
@@ -302,6 +297,24 @@ def bones_around(
             around = nearest_bones(model, body.name, bones)
             if len(around) > 1:
                 result[body.name] = around
+    return result
+
+
+def _stated_links(
+    model: Model, bones: Mapping[str, BoneMap], stated: Mapping[str, Sequence[str]]
+) -> dict[str, tuple[str, ...]]:
+    """Return virtual links as a user states them, with at least two bones around each."""
+    result: dict[str, tuple[str, ...]] = {}
+    for link, around in stated.items():
+        for name in (link, *around):
+            check_name("body", name, model.body_names)
+        missing = [name for name in around if name not in bones]
+        if missing or len(around) < 2:
+            raise BadData(
+                f"virtual link '{link}' needs at least two bones around it, but got {list(around)}"
+                + (f", of which {missing} have no map" if missing else "")
+            )
+        result[link] = tuple(around)
     return result
 
 
