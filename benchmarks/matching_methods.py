@@ -18,7 +18,13 @@ from scipy.interpolate import RBFInterpolator
 
 import myomorph as mm
 from myomorph.bones.morph.registration.nonrigid import vertex_normals
-from myomorph.bones.morph.registration.smooth import MatchOptions, fit_smoothly, onto, spread_points
+from myomorph.bones.morph.registration.smooth import (
+    MatchOptions,
+    SurfacePair,
+    fit_smoothly,
+    onto,
+    spread_points,
+)
 from myomorph.core.surfaces.linear_maps import AffineMap, Similarity, procrustes
 from myomorph.core.surfaces.surface_points import Shape
 from truths.leg_shapes import leg_shapes
@@ -87,7 +93,7 @@ def ways() -> dict[str, Way]:
     return {
         "similarity alone": lambda ours, goal, start: start.apply,
         "smooth displacement, point to plane": lambda ours, goal, start: (
-            fit_smoothly(ours, goal, AffineMap.from_similarity(start), None, options).apply
+            fit_smoothly(SurfacePair(ours, goal), AffineMap.from_similarity(start), options).apply
         ),
         "trimesh nricp_amberg": lambda ours, goal, start: _trimesh(
             "nricp_amberg", ours, goal, start

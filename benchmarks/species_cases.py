@@ -20,15 +20,16 @@ from myomorph.bones.morph.maps.fields import BoneMap, MapKind, MapOptions, fit_m
 from myomorph.bones.morph.morphed import Architecture, Morph, MorphOptions
 from myomorph.bones.morph.registration.smooth import MatchOptions
 from myomorph.bones.morph.species.architecture import architectures
-from myomorph.bones.morph.species.counterparts import LandmarkRule, Posed, SpeciesTable
+from myomorph.bones.morph.species.counterparts import LandmarkRule, Posed, Skeleton, SpeciesTable
 from myomorph.bones.morph.species.maps import (
     SpeciesBones,
+    SpeciesOptions,
     coordinate_table,
     size_over,
     species_bones,
     species_morph,
 )
-from myomorph.bones.morph.transfer.model import graft_muscles
+from myomorph.bones.morph.transfer.model import Graft, graft_muscles
 from myomorph.bones.study.morph_files import source_bones
 from myomorph.bones.study.species_morphing import read_species
 from myomorph.core.model.paths import PathPoint
@@ -117,14 +118,15 @@ def bones_of_man(data: Path, features: str) -> SpeciesBones:
     source = man(data)
     target = mouse(data)
     table = read_species("human-mouse")
+    options = SpeciesOptions(
+        map=MapOptions("affine") if features == "box" else None,
+        match=MatchOptions(features="landmarks" if features == "landmarks" else "dense"),
+    )
     return species_bones(
-        source.model,
-        source.surfaces,
-        target.model,
-        target.surfaces,
+        Skeleton(source.model, source.surfaces),
+        Skeleton(target.model, target.surfaces),
         scaling_table(table) if features == "box" else table,
-        MapOptions("affine") if features == "box" else None,
-        MatchOptions(features="landmarks" if features == "landmarks" else "dense"),
+        options,
     )
 
 
@@ -152,9 +154,11 @@ def from_man(data: Path, method: str) -> Morph:
         found.source,
         target,
         found.bones if kind == "ssd" else bones,
-        coordinates=coordinate_table(table, found.source, target),
-        postures=(table.posture, table.target_posture),
-        architecture=sized_architecture(man(data), mouse(data)),
+        graft=Graft(
+            coordinates=coordinate_table(table, found.source, target),
+            postures=(table.posture, table.target_posture),
+            architecture=sized_architecture(man(data), mouse(data)),
+        ),
     )
 
 
@@ -166,13 +170,10 @@ def from_arm(data: Path, method: str) -> Morph:
     target = mouse(data)
     source = arm_model()
     return species_morph(
-        source,
-        source_bones(source),
-        target.model,
-        target.surfaces,
+        Skeleton(source, source_bones(source)),
+        Skeleton(target.model, target.surfaces),
         scaling_table(table) if features == "box" else table,
-        map_options=MapOptions(kind),
-        match=MatchOptions(),
+        SpeciesOptions(map=MapOptions(kind), match=MatchOptions()),
     )
 
 
@@ -356,7 +357,7 @@ def anatomist_on_skeleton(data: Path, rule: str = "joints") -> Morph:
     )
     bones = {body: given_map(body, SEGMENTS[body][0], laid.similarity(body)) for body in SEGMENTS}
     options = MorphOptions(surface_within=0.0, clear=False, fibers="path", force="area")
-    return graft_muscles(anatomist, skeleton, bones, options, coordinates=COORDINATES)
+    return graft_muscles(anatomist, skeleton, bones, options, Graft(coordinates=COORDINATES))
 
 
 MAN_SEGMENTS = {
@@ -400,9 +401,8 @@ def from_man_by_joints(data: Path) -> Morph:
         found[rider] = given_map(rider, found[bone].target_body, moved)
     options = MorphOptions(surface_within=0.0, clear=False)
     postures = (table.posture, {"Knee_extension_r": -0.5 * np.pi})
-    return graft_muscles(
-        source, target, found, options, coordinates=MAN_COORDINATES, postures=postures
-    )
+    graft = Graft(coordinates=MAN_COORDINATES, postures=postures)
+    return graft_muscles(source, target, found, options, graft)
 
 
 def _segment_by_joints(here: Posed, there: Posed, body: str) -> BoneMap:

@@ -28,7 +28,8 @@ from myomorph.bones.morph.maps.fields import (
 )
 from myomorph.bones.morph.registration.nonrigid import match_surfaces, place_bone
 from myomorph.bones.morph.registration.smooth import MatchOptions
-from myomorph.bones.morph.species.maps import species_bones, species_morph
+from myomorph.bones.morph.species.counterparts import Skeleton
+from myomorph.bones.morph.species.maps import SpeciesOptions, species_bones, species_morph
 from myomorph.bones.study.morphing import MorphSettings, write_morphed
 from myomorph.bones.study.species_morphing import SpeciesFiles, read_species, species_files
 from myomorph.core.model.arrays import Array
@@ -219,9 +220,13 @@ def run_species() -> list[dict[str, object]]:
     table = read_species("human-mouse")
     source = man(data)
     target = mouse(data)
-    given = source.model, source.surfaces, target.model, target.surfaces, table
+    given = (
+        Skeleton(source.model, source.surfaces),
+        Skeleton(target.model, target.surfaces),
+        table,
+    )
     # Kernels compile first, with the few features of landmarks.
-    species_morph(*given, match=MatchOptions(features="landmarks"))
+    species_morph(*given, SpeciesOptions(match=MatchOptions(features="landmarks")))
     parts = {
         "maps of five bones": lambda: species_bones(*given),
         "and 40 muscles": lambda: species_morph(*given),

@@ -13,8 +13,8 @@ import pytest
 
 from myomorph.bones.morph.registration.smooth import MatchOptions
 from myomorph.bones.morph.species.attachments import Attachment, RelativeBone
-from myomorph.bones.morph.species.counterparts import Posed
-from myomorph.bones.morph.species.maps import species_bones
+from myomorph.bones.morph.species.counterparts import Posed, Skeleton
+from myomorph.bones.morph.species.maps import SpeciesOptions, species_bones
 from myomorph.bones.morph.transfer.body_transfer import Transfer
 from myomorph.bones.study.morph_files import source_bones
 from myomorph.bones.study.species_morphing import read_species
@@ -42,7 +42,10 @@ def femora(data):
     def bones(*relatives: RelativeBone, straight: tuple[str, ...] = ()):
         wanted = replace(table, relatives=relatives, straight=straight)
         return species_bones(
-            man, surfaces[0], mouse, surfaces[1], wanted, match=MatchOptions(features="landmarks")
+            Skeleton(man, surfaces[0]),
+            Skeleton(mouse, surfaces[1]),
+            wanted,
+            SpeciesOptions(match=MatchOptions(features="landmarks")),
         )
 
     return (

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from myomorph.bones.morph.maps.fields import BoneMap, FeaturePoints
 from myomorph.bones.morph.morphed import MorphOptions
-from myomorph.bones.morph.transfer.model import graft_muscles, morph_model
+from myomorph.bones.morph.transfer.model import Graft, graft_muscles, morph_model
 from myomorph.bones.morph.transfer.virtual_links import BranchLoad, branch_load, branch_places
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.functions import linear
@@ -260,7 +260,7 @@ def test_in_stretched_bones_the_same_tensions_balance(grafted):
     for options in (MorphOptions(clear=False), MorphOptions(balance=False, clear=False)):
         if grafted:
             skeleton = replace(model, muscles=())
-            morphs.append(graft_muscles(model, skeleton, bones, options, surrounding=AROUND))
+            morphs.append(graft_muscles(model, skeleton, bones, options, Graft(surrounding=AROUND)))
         else:
             morphs.append(morph_model(model, bones, options, surrounding=AROUND))
     load = branch_load(model, "link")

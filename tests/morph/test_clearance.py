@@ -12,8 +12,10 @@ import trimesh
 from myomorph.bones.morph.checks.clearance import clear_paths, cleared, watched_with, without_worse
 from myomorph.bones.morph.checks.moment_arms import compared_coordinates
 from myomorph.bones.morph.checks.path_changes import (
+    ChangeCost,
     Ground,
     PathEnd,
+    WayOut,
     least_move,
     path_changes,
     point_effect,
@@ -308,7 +310,7 @@ def test_of_moves_as_far_out_the_one_found_changes_least():
     poses = posed(one)
     ends = [PathEnd(0.8, 1)]
     moves = {
-        weight: least_move(one, one.muscles[0], ends, out, 1e-3, poses, weight)
+        weight: least_move(one, one.muscles[0], ends, WayOut(out, 1e-3), ChangeCost(poses, weight))
         for weight in (0.0, 10.0, 1e6)
     }
     for move in moves.values():

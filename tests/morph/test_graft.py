@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from given_maps import given, poses_of, similar
 
-from myomorph.bones.morph.transfer.model import graft_muscles, morph_model
+from myomorph.bones.morph.transfer.model import Graft, graft_muscles, morph_model
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import UnknownName
@@ -157,7 +157,9 @@ def test_the_targets_own_coordinate_moves_points_and_fibers():
         "tibia": replace(given("tibia", turn, np.zeros(3)), target_body="shank"),
     }
     table = {"knee_angle": ("flexion", -1.0, 0.1)}
-    graft = graft_muscles(source, target, bones, coordinates=table, postures=({}, {"flexion": 0.1}))
+    graft = graft_muscles(
+        source, target, bones, graft=Graft(coordinates=table, postures=({}, {"flexion": 0.1}))
+    )
     angles = np.linspace(-1.95, 0.0, 21)
     time = np.arange(21.0)
     ours = muscle_kinematics(
@@ -207,12 +209,15 @@ def test_points_of_coordinates_that_the_target_lacks_stand_still():
     target = hinge("femur", "tibia", "flexion", (0.0, 2.0), -1.0)
     bones = {body: given(body, np.eye(3), np.zeros(3)) for body in ("femur", "tibia")}
     graft = graft_muscles(
-        source, target, bones, coordinates={}, postures=({"knee_angle": -1.0}, {"flexion": 1.0})
+        source,
+        target,
+        bones,
+        graft=Graft(coordinates={}, postures=({"knee_angle": -1.0}, {"flexion": 1.0})),
     )
     assert [one.name for one in graft.model.muscles[0].path.points] == ["p1", "p2", "p3"]
     np.testing.assert_allclose(graft.points[2].target, [0.05, -0.07, 0.0], atol=1e-12)
     assert any("stand still" in note and "'vasti'" in note for note in graft.notes)
-    straight = graft_muscles(source, target, bones, coordinates={})
+    straight = graft_muscles(source, target, bones, graft=Graft(coordinates={}))
     assert [one.name for one in straight.model.muscles[0].path.points] == ["p1", "p3"]
 
 
@@ -223,5 +228,8 @@ def test_wrong_names_are_told(data):
         graft_muscles(model, model, {"femur_r": bone})
     with pytest.raises(UnknownName, match="stifle"):
         graft_muscles(
-            model, model, similar(model, 1.0), coordinates={"knee_angle_r": ("stifle", 1.0, 0.0)}
+            model,
+            model,
+            similar(model, 1.0),
+            graft=Graft(coordinates={"knee_angle_r": ("stifle", 1.0, 0.0)}),
         )

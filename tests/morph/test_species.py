@@ -17,10 +17,16 @@ from myomorph.bones.morph.species.counterparts import (
     AnatomicalFrame,
     BoneHomology,
     LandmarkRule,
+    Skeleton,
     SpeciesTable,
 )
-from myomorph.bones.morph.species.landmarks import landmarks_by_rules, section
-from myomorph.bones.morph.species.maps import coordinate_table, species_bones, species_morph
+from myomorph.bones.morph.species.landmarks import MarkedBone, landmarks_by_rules, section
+from myomorph.bones.morph.species.maps import (
+    SpeciesOptions,
+    coordinate_table,
+    species_bones,
+    species_morph,
+)
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.functions import linear
 from myomorph.core.model.model import Axis, Body, Coordinate, Joint, Model
@@ -161,9 +167,13 @@ def both() -> tuple[Model, dict[str, Surface], Model, dict[str, Surface]]:
 def test_landmarks_turn_and_grow_with_the_bone():
     shape = bone()
     joints = {"shank": np.zeros(3), "leg": np.zeros(3)}
-    ours, lost = landmarks_by_rules(RULES, shape, UPRIGHT, joints, True)
+    ours, lost = landmarks_by_rules(
+        RULES, MarkedBone(surface=shape, frame=UPRIGHT, joints=joints, of_source=True)
+    )
     small = Surface(SMALL * shape.vertices @ TURN.T, shape.faces)
-    theirs, _ = landmarks_by_rules(RULES, small, ON_FOURS, joints, False)
+    theirs, _ = landmarks_by_rules(
+        RULES, MarkedBone(surface=small, frame=ON_FOURS, joints=joints, of_source=False)
+    )
     assert lost == ()
     assert set(ours) == set(theirs) >= {"top", "toe", "shaft 0.3 at 0", "shaft 0.6 at 270"}
     for name, place in ours.items():
@@ -180,7 +190,12 @@ def test_a_cut_lies_in_its_plane_on_the_surface():
 @pytest.mark.parametrize("kind", ["ssd", "rbf", "affine"])
 def test_a_smaller_limb_gets_smaller_muscles_at_the_same_places(kind):
     source, ours, target, theirs = both()
-    morph = species_morph(source, ours, target, theirs, table(), MorphOptions(), MapOptions(kind))
+    morph = species_morph(
+        Skeleton(source, ours),
+        Skeleton(target, theirs),
+        table(),
+        SpeciesOptions(morph=MorphOptions(), map=MapOptions(kind)),
+    )
     (muscle,) = morph.model.muscles
     for before, after in zip(source.muscle("front").path.points, muscle.path.points, strict=True):
         assert after.location == pytest.approx(SMALL * TURN @ before.location, abs=1e-6 * SMALL)
@@ -202,7 +217,7 @@ def test_a_posture_brings_a_riding_bone_along():
     source, ours, target, theirs = both()
     bones = (replace(table().bones[0], transferred=("shank",)),)
     bent = replace(table(), bones=bones, posture={"man_knee": 0.5 * np.pi})
-    found = species_bones(source, ours, target, theirs, bent).bones
+    found = species_bones(Skeleton(source, ours), Skeleton(target, theirs), bent).bones
     place = np.array([0.02, -0.1, 0.03])
     on_thigh = axis_rotation([0.0, 0.0, 1.0], 0.5 * np.pi) @ place + [0.0, -0.4, 0.0]
     assert found["shank"].target_body == "upper"
@@ -230,7 +245,11 @@ def test_muscle_points_go_to_the_nearest_of_several_bones():
             for m in source.muscles
         ),
     )
-    found = species_bones(fused, {"thigh": whole}, target, theirs, replace(table(), bones=(one,)))
+    found = species_bones(
+        Skeleton(fused, {"thigh": whole}),
+        Skeleton(target, theirs),
+        replace(table(), bones=(one,)),
+    )
     points = found.source.muscle("front").path.points
     assert [one.body for one in points] == ["thigh", "thigh", "thigh@leg"]
     below = found.bones["thigh@leg"]
@@ -249,7 +268,9 @@ def test_landmarks_that_contradict_each_other_are_left_out():
         target_within={"right": (0.9, 1.0)},
     )
     torn = replace(table().bones[0], landmarks=(*table().bones[0].landmarks, twice))
-    found = species_bones(source, ours, target, theirs, replace(table(), bones=(torn,)))
+    found = species_bones(
+        Skeleton(source, ours), Skeleton(target, theirs), replace(table(), bones=(torn,))
+    )
     assert any("again" in note for note in found.notes)
     assert "again" not in found.bones["thigh"].features.names
 
@@ -277,13 +298,17 @@ def test_what_cannot_be_is_named():
     with pytest.raises(BadData, match="becomes two bones"):
         replace(table(), bones=table().bones[:1] * 2)
     with pytest.raises(BadData, match="no surface of shank"):
-        species_bones(source, {"thigh": ours["thigh"]}, target, theirs, table())
+        species_bones(Skeleton(source, {"thigh": ours["thigh"]}), Skeleton(target, theirs), table())
     with pytest.raises(UnknownName, match="ankle"):
-        species_bones(source, ours, target, theirs, replace(table(), posture={"ankle": 0.1}))
+        species_bones(
+            Skeleton(source, ours),
+            Skeleton(target, theirs),
+            replace(table(), posture={"ankle": 0.1}),
+        )
     with pytest.raises(BadData, match="no pair of its bodies"):
-        species_morph(target, theirs, target, theirs, table())
+        species_morph(Skeleton(target, theirs), Skeleton(target, theirs), table())
     few = replace(
         table(), bones=(replace(table().bones[0], landmarks=table().bones[0].landmarks[:2]),)
     )
     with pytest.raises(BadData, match="expected four or more"):
-        species_bones(source, ours, target, theirs, few)
+        species_bones(Skeleton(source, ours), Skeleton(target, theirs), few)

@@ -15,6 +15,7 @@ import numpy as np
 import myomorph as mm
 from myomorph.bones.morph.registration.alignment import automatic_landmarks
 from myomorph.bones.morph.shapes.articular import (
+    ExpectedCylinder,
     articular_cylinder,
     articular_sphere,
     spherical_patches,
@@ -167,7 +168,8 @@ def _condyles(femur: mm.Surface, head: SphereFit) -> CylinderFit:
     between = other.center - one.center
     radius = 0.5 * (one.radius + other.radius)
     width = float(np.linalg.norm(between)) + 2.0 * radius
-    return articular_cylinder(femur, 0.5 * (one.center + other.center), between, radius, width)
+    middle = 0.5 * (one.center + other.center)
+    return articular_cylinder(femur, ExpectedCylinder(middle, between, radius, width=width))
 
 
 def _found_again(bone: str, name: str, fit: SphereFit | CylinderFit) -> Row:
@@ -222,7 +224,8 @@ def _again(
             raise mm.BadData(warning)
         return float(np.linalg.norm(sphere.center - part.apply(fit.center))), 0.0
     width = whole.scale * (fit.length + fit.radius)
-    cylinder = articular_cylinder(target, start, whole.rotation @ fit.axis, radius, width)
+    expected = ExpectedCylinder(start, whole.rotation @ fit.axis, radius, width=width)
+    cylinder = articular_cylinder(target, expected)
     if warning := warning_of(cylinder):
         raise mm.BadData(warning)
     beside = np.cross(cylinder.point - part.apply(fit.point), cylinder.axis)

@@ -24,7 +24,7 @@ from myomorph.bones.morph.maps.fields import BoneMap, FeaturePoints, MapOptions,
 from myomorph.bones.morph.morphed import Morph, MorphOptions
 from myomorph.bones.morph.transfer.body_transfer import Transfer
 from myomorph.bones.study.morph_files import source_bones
-from myomorph.bones.study.morphing import MorphSettings, map_bones
+from myomorph.bones.study.morphing import MorphSettings, TargetBones, map_bones
 from myomorph.core.io.landmarks import read_landmarks
 from myomorph.core.surfaces.linear_maps import procrustes
 
@@ -149,7 +149,7 @@ def persons(folder: Path) -> tuple[Person, ...]:
             )
             for body, paths in files.items()
         }
-        bones = map_bones(model, ours, theirs, {}, settings, together=True)
+        bones = map_bones(model, ours, TargetBones(surfaces=theirs, together=True), settings)
         morph = mm.morph_model(model, bones, settings.morph, together=True)
         checks = check_morph(
             morph,

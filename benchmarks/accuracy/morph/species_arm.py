@@ -21,7 +21,7 @@ from myomorph.bones.morph.morphed import Morph, MorphOptions
 from myomorph.bones.morph.species.architecture import Size, architectures
 from myomorph.bones.morph.species.counterparts import Posed
 from myomorph.bones.morph.species.maps import joint_distances
-from myomorph.bones.morph.transfer.model import graft_muscles
+from myomorph.bones.morph.transfer.model import Graft, graft_muscles
 from myomorph.bones.study.species_morphing import read_species
 from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.surfaces.linear_maps import Similarity
@@ -83,9 +83,8 @@ def forelimb_on_skeleton(data: Path) -> Morph:
         for body, one in found.items()
     }
     options = MorphOptions(surface_within=0.0, clear=False, fibers="keep", force="keep")
-    return graft_muscles(
-        arm, skeleton, bones, options, coordinates={"elbow": ("mouse__RElbow_flexion", 1.0, 0.0)}
-    )
+    graft = Graft(coordinates={"elbow": ("mouse__RElbow_flexion", 1.0, 0.0)})
+    return graft_muscles(arm, skeleton, bones, options, graft)
 
 
 def _joint(posed: Posed, body: str, other: str) -> np.ndarray:

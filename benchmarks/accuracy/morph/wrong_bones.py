@@ -14,7 +14,7 @@ from benchmarks.accuracy.morph.correspondence import WITHIN
 from benchmarks.accuracy.morph.shapes import Case, attachments, cases
 from myomorph.bones.morph.transfer.body_transfer import Transfer
 from myomorph.bones.morph.transfer.points import put_on_surface
-from myomorph.bones.study.morphing import MorphSettings, map_bones
+from myomorph.bones.study.morphing import MorphSettings, TargetBones, map_bones
 from myomorph.core.model.errors import BadData
 from truths.leg_shapes import leg_shapes
 
@@ -105,7 +105,7 @@ def _refusal(ours: dict[str, mm.Surface], theirs: dict[str, mm.Surface]) -> Row:
     )
     model = mm.Model("bones", bodies, joints, (), np.zeros(3))
     try:
-        map_bones(model, ours, theirs, {}, MorphSettings())
+        map_bones(model, ours, TargetBones(surfaces=theirs), MorphSettings())
     except BadData as error:
         return {"refused": "yes", "words": str(error)}
     return {"refused": "no", "words": ""}

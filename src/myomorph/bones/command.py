@@ -3,53 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
 
 from myomorph.bones.morph.maps.fields import MapOptions
 from myomorph.bones.morph.morphed import MorphOptions
 from myomorph.bones.morph.registration.smooth import MatchOptions
-from myomorph.bones.study.morph_files import Unit
+from myomorph.bones.study.morph_files import MorphFiles, Unit
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.lab.cli.options import Threads, documented, options_class, settings_dict, use_threads
 from myomorph.lab.cli.output import made, said
 
+if TYPE_CHECKING:
+    from myomorph.bones.study.species_morphing import SpeciesFiles
+
 MorphSettings = options_class(MatchOptions, MapOptions, MorphOptions)
 
 
 @documented
-def morph_command(
-    *,
-    source: Path,
-    out: Path,
-    bones: Path | None = None,
-    landmarks: Path | None = None,
-    geometry: Path | None = None,
-    skin: Path | None = None,
-    mass: float | None = None,
-    unit: Unit = "m",
-    together: bool = False,
-    mirror: bool = False,
-    across: Literal["x", "y", "z"] = "z",
-    link: list[str] | None = None,
-    species: str = "",
-    target: Path | None = None,
-    target_geometry: Path | None = None,
-    beside: bool = False,
-    protocol: str = "",
-    postures: list[Path] | None = None,
-    options: MorphSettings | None = None,  # type: ignore[valid-type]
-    threads: Threads = None,
-) -> int:
-    """A model's muscles in other bones: those of a subject, from a scan or a shape model.
+@dataclass(frozen=True, kw_only=True)
+class TargetFlags:
+    """Bones that get the muscles: a subject's, or the skeleton of another species.
 
-    Parameters
+    Attributes
     ----------
-    source : model whose muscles are carried over (.osim, .xml; myo-sim:myoarm and others of that
-        package)
-    out : model to write (.osim); bones, tables and report stand beside it
     bones : folder of the target's bones: one file a body, BODY.obj, .stl, .ply or .vtp
     landmarks : pairs of points (.csv): body, name, source_x, source_y, source_z, target_x, ... [m]
     geometry : folder of the source model's own meshes, where they do not lie beside it
@@ -70,66 +51,132 @@ def morph_command(
     postures : with --target, motions of the animal (.mot, .sto): tendons and fibers follow its own
         postures
     """
+
+    bones: Path | None = None
+    landmarks: Path | None = None
+    geometry: Path | None = None
+    skin: Path | None = None
+    mass: float | None = None
+    unit: Unit = "m"
+    together: bool = False
+    mirror: bool = False
+    across: Literal["x", "y", "z"] = "z"
+    link: list[str] | None = None
+    species: str = ""
+    target: Path | None = None
+    target_geometry: Path | None = None
+    beside: bool = False
+    protocol: str = ""
+    postures: list[Path] | None = None
+
+    @property
+    def is_species(self) -> bool:
+        """Whether the target is the skeleton of another species."""
+        return bool(self.species) or self.target is not None
+
+    def species_files(self, source: Path) -> SpeciesFiles:
+        """Return the files of a morph to another species; raises `BadData`."""
+        from myomorph.bones.study.species_morphing import SpeciesFiles
+
+        if self.bones is not None or self.target is None:
+            raise BadData(
+                "another species takes --target SKELETON.xml (and --species TABLE), and no --bones"
+            )
+        mine = (
+            ("landmarks", self.landmarks),
+            ("together", self.together),
+            ("link", self.link or None),
+        )
+        _not_given(mine, "goes with --bones: another species' skeleton keeps its joints")
+        return SpeciesFiles(
+            source=source,
+            target=self.target,
+            species=self.species or "human-mouse",
+            geometry=self.geometry,
+            target_geometry=self.target_geometry,
+            beside=self.beside,
+            mirror=self.mirror,
+            mass=self.mass,
+            skin=self.skin,
+            unit=self.unit,
+            protocol=self.protocol,
+            postures=tuple(self.postures or ()),
+        )
+
+    def bone_files(self, source: Path) -> MorphFiles:
+        """Return the files of a morph to a subject's bones; raises `BadData`."""
+        if self.bones is None:
+            raise BadData(
+                "expected --bones FOLDER of the target's bones, or --target with the skeleton of"
+                " another species"
+            )
+        theirs = (
+            ("target-geometry", self.target_geometry),
+            ("beside", self.beside),
+            ("protocol", self.protocol or None),
+            ("postures", self.postures or None),
+        )
+        _not_given(theirs, "goes with --target")
+        return MorphFiles(
+            source=source,
+            bones=self.bones,
+            landmarks=self.landmarks,
+            geometry=self.geometry,
+            skin=self.skin,
+            unit=self.unit,
+            mass=self.mass,
+            together=self.together,
+            mirror=self.mirror,
+            across=self.across,
+            links=_links(self.link or []),
+        )
+
+
+TargetOptions = Annotated[TargetFlags, Parameter(name="*")]
+NO_TARGET = TargetFlags()
+SourceModel = Annotated[
+    Path,
+    Parameter(
+        help=(
+            "Model whose muscles are transferred (.osim, .xml; myo-sim:myoarm and others of that"
+            " package)."
+        )
+    ),
+]
+MorphedModel = Annotated[
+    Path, Parameter(help="Model to write (.osim); bones, tables and report stand beside it.")
+]
+
+
+@documented
+def morph_command(
+    *,
+    source: SourceModel,
+    out: MorphedModel,
+    target: TargetOptions = NO_TARGET,
+    options: MorphSettings | None = None,  # type: ignore[valid-type]
+    threads: Threads = None,
+) -> int:
+    """Transfer a model's muscles to other bones: those of a subject, or of another species.
+
+    A subject's bones come from a scan or a shape model.
+    """
     from myomorph.bones.study import morphing
-    from myomorph.bones.study.morph_files import MorphFiles
     from myomorph.lab.study.subject.subjects import tables_folder
     from myomorph.lab.study.trial.reporting import REPORT
 
     use_threads(threads)
-    tables = tables_folder(
-        out, morphing.STEP.tables, (source, target, bones, geometry, target_geometry)
-    )
+    read = (source, target.target, target.bones, target.geometry, target.target_geometry)
+    tables = tables_folder(out, morphing.STEP.tables, read)
     settings = morphing.MorphSettings.of(settings_dict(options))
-    if species or target is not None:
-        if bones is not None or target is None:
-            raise BadData(
-                "another species takes --target SKELETON.xml (and --species TABLE), and no --bones"
-            )
-        mine = (("landmarks", landmarks), ("together", together), ("link", link or None))
-        _not_given(mine, "goes with --bones: another species' skeleton keeps its joints")
-        from myomorph.bones.study.species_morphing import SpeciesFiles, species_files
+    drawn = None
+    if target.is_species:
+        files = target.species_files(source)
+        from myomorph.bones.study.species_morphing import species_files
 
-        files = SpeciesFiles(
-            source=source,
-            target=target,
-            species=species or "human-mouse",
-            geometry=geometry,
-            target_geometry=target_geometry,
-            beside=beside,
-        )
-        files = replace(files, mirror=mirror, mass=mass, skin=skin, unit=unit, protocol=protocol)
-        files = replace(files, postures=tuple(postures or ()))
         morphed, drawn = species_files(files, settings)
-    elif bones is None:
-        raise BadData(
-            "expected --bones FOLDER of the target's bones, or --target with the skeleton of"
-            " another species"
-        )
     else:
-        _not_given(
-            (
-                ("target-geometry", target_geometry),
-                ("beside", beside),
-                ("protocol", protocol or None),
-                ("postures", postures or None),
-            ),
-            "goes with --target",
-        )
-        morph_files = MorphFiles(
-            source=source,
-            bones=bones,
-            landmarks=landmarks,
-            geometry=geometry,
-            skin=skin,
-            unit=unit,
-            mass=mass,
-            together=together,
-            mirror=mirror,
-            across=across,
-            links=_links(link or []),
-        )
-        morphed = morphing.morph_files(morph_files, settings)
-        drawn = None
+        morphed = morphing.morph_files(target.bone_files(source), settings)
     lost = morphing.write_morphed(morphed, out, tables, drawn)
     notes = dict.fromkeys(
         (*morphed.warnings, *morphed.morph.notes, *morphing.bone_notes(morphed), *lost)

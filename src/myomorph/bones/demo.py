@@ -28,7 +28,14 @@ from myomorph.bones.morph.maps.fields import (
 from myomorph.bones.morph.morphed import Morph, MorphOptions
 from myomorph.bones.morph.transfer.model import morph_model
 from myomorph.bones.report.morph_summary import morph_lines
-from myomorph.bones.study.morphing import STEP, Morphed, MorphSettings, map_bones, write_morphed
+from myomorph.bones.study.morphing import (
+    STEP,
+    Morphed,
+    MorphSettings,
+    TargetBones,
+    map_bones,
+    write_morphed,
+)
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.paths import PathPoint
@@ -282,14 +289,14 @@ def run_morph_demo(out: Path) -> MorphDemo:
 
     The model, its errors, bones, tables and a report are written.
     """
-    from myomorph.bones.report.morph_page import morph_page
+    from myomorph.bones.report.morph_page import PageParts, morph_page
     from myomorph.lab.study.trial.reporting import REPORT
 
     out.mkdir(parents=True, exist_ok=True)
     model, ours, theirs, truth = deformed_leg.demo_case()
     pairs = deformed_leg.picked_landmarks(ours, truth)
     settings = MorphSettings()
-    bones = map_bones(model, ours, theirs, pairs, settings)
+    bones = map_bones(model, ours, TargetBones(surfaces=theirs, landmarks=pairs), settings)
     with progress("muscles", 2 * (COUNT + 1), "postures") as advance:
         morph = morph_model(
             model, bones, settings.morph, name="leg in deformed bones", progress=advance
@@ -310,9 +317,11 @@ def run_morph_demo(out: Path) -> MorphDemo:
         morph,
         checks,
         morphed.provenance,
-        title="A leg in deformed bones",
-        notes=_notes(),
-        further=(error_section(errors),),
+        parts=PageParts(
+            title="A leg in deformed bones",
+            notes=_notes(),
+            further=(error_section(errors),),
+        ),
     )
     tables = tables_folder(out / RESULT, STEP.tables)
     write_morphed(morphed, out / RESULT, tables, page=page)

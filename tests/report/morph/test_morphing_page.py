@@ -13,7 +13,7 @@ import pytest
 
 from boxed_leg import FRONT, HALF, grown, leg, morph_of, muscle, with_muscle
 from myomorph.bones.morph.checks.checks import check_morph
-from myomorph.bones.report.morph_page import morph_page
+from myomorph.bones.report.morph_page import PageParts, morph_page
 from myomorph.bones.report.tables import morphing_tables
 from myomorph.core.model.provenance import Provenance, Source
 from myomorph.lab.report.page.parts import Note, Section
@@ -77,9 +77,11 @@ def test_a_title_notes_and_sections_of_ones_own_find_their_place(morph, checks):
         morph,
         checks,
         MADE,
-        title="Boxes",
-        notes=(Note("simulated", "Made of boxes."),),
-        further=(further,),
+        parts=PageParts(
+            title="Boxes",
+            notes=(Note("simulated", "Made of boxes."),),
+            further=(further,),
+        ),
     )
     assert "<h1>Boxes</h1>" in page
     assert re.findall(r"<h2>([^<]+)</h2>", page)[1] == "Error against the truth"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,31 +61,44 @@ ARM_COLUMNS = (
 )
 
 
+@dataclass(frozen=True, kw_only=True)
+class PageParts:
+    """Parts of a page on a morphed model that belong to one study.
+
+    Attributes
+    ----------
+    title : of the page; by default the names of both models
+    notes : what is real, assumed or simulated, shown first
+    further : sections that come after the warnings, as of errors against a known truth
+    """
+
+    title: str = ""
+    notes: Sequence[Note] = ()
+    further: Sequence[Section] = ()
+
+
 def morph_page(
     morph: Morph,
     checks: MorphChecks,
     made: Provenance,
     warnings: Sequence[str] = (),
-    *,
-    title: str = "",
-    notes: Sequence[Note] = (),
-    further: Sequence[Section] = (),
+    parts: PageParts | None = None,
 ) -> str:
-    """Write one self-contained HTML page on a morphed model.
-
-    `notes`: what is real, assumed or simulated, shown first; `further`: sections that come after
-    the warnings, as of errors against a known truth.
-    """
-    title = title or f"{morph.model.name}: muscles of {morph.source.name}"
+    """Write one self-contained HTML page on a morphed model."""
+    parts = parts or PageParts()
+    title = parts.title or f"{morph.model.name}: muscles of {morph.source.name}"
     step = Step(
         "morph", FrozenMap({name: option_text(value) for name, value in made.options.items()})
     )
-    told = unique([*warnings, *morph.notes, *checks.notes])
-    page = replace(PageHead.of(title, made, (*notes, *_assumed(morph)), told), steps=(step,))
+    lines = unique([*warnings, *morph.notes, *checks.notes])
+    head = PageHead.of(title, made, (*parts.notes, *_assumed(morph)), lines)
     first, *others = morphing_sections(morph, checks)
-    sections = [first, *further, *others]
     return rendered(
-        page, sections, cited(*SOURCES), facts=_facts(morph), tiles=_tiles(morph, checks)
+        replace(head, steps=(step,)),
+        [first, *parts.further, *others],
+        cited(*SOURCES),
+        facts=_facts(morph),
+        tiles=_tiles(morph, checks),
     )
 
 

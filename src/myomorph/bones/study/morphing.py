@@ -44,6 +44,7 @@ from myomorph.core.model.provenance import Provenance
 from myomorph.core.model.spatial import Transform
 from myomorph.core.model.surface import Surface
 from myomorph.core.rigid.kinematics import standing_poses
+from myomorph.core.surfaces.linear_maps import Similarity
 from myomorph.lab.store.progress import progress
 from myomorph.lab.store.results import provenance_of
 from myomorph.lab.store.settings import SettingGroup
@@ -89,7 +90,8 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
     if files.mass is not None and not (np.isfinite(files.mass) and files.mass > 0.0):
         raise BadData(f"a mass of {files.mass:g} kg: expected above 0")
     pairs = {} if files.landmarks is None else _landmarks(files.landmarks, model)
-    bones = map_bones(model, ours, theirs, pairs, settings, files.together)
+    target = TargetBones(surfaces=theirs, landmarks=pairs, together=files.together)
+    bones = map_bones(model, ours, target, settings)
     if files.mirror:
         bones = with_mirrored_bones(model, bones, ours, files.together, files.across)
     with reading.about(files.source), progress("muscles", 2 * (COUNT + 1), "postures") as advance:
@@ -116,40 +118,68 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
     )
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TargetBones:
+    """Bones of a target, by the source's bodies.
+
+    Attributes
+    ----------
+    surfaces : of the bones [m]
+    landmarks : on source and target
+    together : the surfaces share one frame
+    """
+
+    surfaces: Mapping[str, Surface]
+    landmarks: Mapping[str, FeaturePoints] = field(default_factory=lambda: FrozenMap({}))
+    together: bool = False
+
+
 def map_bones(
-    model: Model,
-    ours: Mapping[str, Surface],
-    theirs: Mapping[str, Surface],
-    pairs: Mapping[str, FeaturePoints],
-    settings: MorphSettings,
-    together: bool = False,
+    model: Model, ours: Mapping[str, Surface], target: TargetBones, settings: MorphSettings
 ) -> dict[str, BoneMap]:
     """Map every bone that the target has a surface or landmarks of, by body; the largest first.
 
-    `ours` and `theirs` are surfaces of source and target; `together` these share one frame, so that
-    those found show where the next one lies.
+    `ours`: surfaces of the source. Bones that share a frame with those that were found show where
+    the next one lies.
     """
-    wanted = [body for body in model.body_names if body in theirs or body in pairs]
+    theirs = target.surfaces
+    wanted = [body for body in model.body_names if body in theirs or body in target.landmarks]
     wanted.sort(key=lambda body: -spread(theirs[body]) if body in theirs else 0.0)
-    both = [body for body in wanted if body in ours and body in theirs]
-    check_units([(bone_length(theirs[body]), bone_length(ours[body])) for body in both])
-    poses = standing_poses(model) if together else {}
+    _check_units(ours, theirs)
+    poses = standing_poses(model) if target.together else {}
     maps: dict[str, BoneMap] = {}
     with progress("bones", len(wanted), "bones") as advance:
         for body in wanted:
-            source = ours.get(body)
-            target = theirs.get(body)
-            points = pairs.get(body)
-            start = start_by_neighbors(model, body, maps, poses) if together else None
+            start = start_by_neighbors(model, body, maps, poses) if target.together else None
             with reading.about(body):
-                maps[body] = map_bone(
-                    body, source, target, points, settings.map, settings.match, start=start
-                )
-                alike = maps[body].measures.get("agreement", 1.0)
-                if target is not None and points is None and alike < POOR_AGREEMENT:
-                    check_exchange(body, target, ours)
+                maps[body] = _map(body, ours, target, settings, start)
             advance(1.0)
     return {body: maps[body] for body in model.body_names if body in maps}
+
+
+def _check_units(ours: Mapping[str, Surface], theirs: Mapping[str, Surface]) -> None:
+    """Refuse bones that are in other units than meters together."""
+    both = [body for body in theirs if body in ours]
+    check_units([(bone_length(theirs[body]), bone_length(ours[body])) for body in both])
+
+
+def _map(
+    body: str,
+    ours: Mapping[str, Surface],
+    target: TargetBones,
+    settings: MorphSettings,
+    start: Similarity | None,
+) -> BoneMap:
+    """Map one bone; one without landmarks that fits poorly is compared with the other bones."""
+    surface = target.surfaces.get(body)
+    points = target.landmarks.get(body)
+    bone = map_bone(
+        body, ours.get(body), surface, points, settings.map, settings.match, start=start
+    )
+    alike = bone.measures.get("agreement", 1.0)
+    if surface is not None and points is None and alike < POOR_AGREEMENT:
+        check_exchange(body, surface, ours)
+    return bone
 
 
 def _landmarks(path: Path, model: Model) -> dict[str, FeaturePoints]:

@@ -36,9 +36,10 @@ from myomorph.bones.morph.species.counterparts import (
     AnatomicalFrame,
     BoneHomology,
     MuscleHomology,
+    Skeleton,
     SpeciesTable,
 )
-from myomorph.bones.morph.species.maps import coordinate_table, species_morph
+from myomorph.bones.morph.species.maps import SpeciesOptions, coordinate_table, species_morph
 from myomorph.bones.morph.species.own_postures import fitted_to_postures
 from myomorph.bones.study.morph_files import Unit, resized, source_bones
 from myomorph.bones.study.morph_masses import with_skin_masses
@@ -305,15 +306,15 @@ def species_files(
         target, _ = masses.with_segment_shares(target, table.masses, files.mass)
     with progress("bones", len(table.bones) + 1, "bones") as advance:
         morph = species_morph(
-            source,
-            bones[0],
-            target,
-            bones[1],
+            Skeleton(source, bones[0]),
+            Skeleton(target, bones[1]),
             table,
-            settings.morph,
-            settings.map,
-            settings.match,
-            beside=files.beside,
+            SpeciesOptions(
+                morph=settings.morph,
+                map=settings.map,
+                match=settings.match,
+                beside=files.beside,
+            ),
             progress=lambda _: advance(1.0),
         )
     fields = {

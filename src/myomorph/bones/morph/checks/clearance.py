@@ -16,7 +16,7 @@ from myomorph.bones.morph.checks.moment_arms import (
     compare_moment_arms,
     compared_coordinates,
 )
-from myomorph.bones.morph.checks.path_changes import SAME, Ground, moved_once, wraps_of
+from myomorph.bones.morph.checks.path_changes import SAME, Ground, PathMover, wraps_of
 from myomorph.bones.morph.checks.warnings import CheckOptions, arm_warnings
 from myomorph.bones.morph.maps.fields import BoneMap, muscle_sizes
 from myomorph.bones.morph.morphed import TransferredPoint
@@ -176,8 +176,9 @@ def clear_paths(target: Model, ground: Ground, weight: float = WEIGHT) -> Cleara
     before = left = ground.excess(target, target.muscle_names)
     watched = watched_with(target, before)
     steps: dict[str, float] = {}
+    mover = PathMover(target, ground, weight)
     for _ in range(ROUNDS):
-        moved = moved_once(model, target, ground, steps, watched, weight) if left else None
+        moved = mover.moved_once(model, steps, watched) if left else None
         if moved is None:
             break
         after = ground.excess(moved, watched)

@@ -285,38 +285,61 @@ class Move:
     cost: float  # square of what it moves, and `weight` times the square of what it changes
 
 
+@read_only
+class WayOut:
+    """Displacement that brings a point of a path out of a bone.
+
+    Attributes
+    ----------
+    direction : (3,) unit vector, in ground
+    distance : along it [m]
+    """
+
+    direction: Array
+    distance: float
+
+
+@dataclass(frozen=True, eq=False)
+class ChangeCost:
+    """Cost of changes of lengths and moment arms.
+
+    Attributes
+    ----------
+    poses : at which they count
+    weight : of their squares compared with that of the move; 0 for none
+    """
+
+    poses: Poses
+    weight: float
+
+
 def least_move(
-    model: Model,
-    muscle: Muscle,
-    ends: Sequence[PathEnd],
-    outward: Array,
-    over: float,
-    poses: Poses,
-    weight: float,
+    model: Model, muscle: Muscle, ends: Sequence[PathEnd], out: WayOut, cost: ChangeCost
 ) -> Move:
     """Return the move of least cost, of one end, that brings a point of a path out of a bone.
 
     With E the changes of lengths and moment arms by the move d of a via point, and n the way out,
-    the least of |d|^2 + weight |E d|^2 with n d = over / lever is d = over / lever M^-1 n / (n M^-1
-    n), M = 1 + weight E^T E.
+    the least of |d|^2 + weight |E d|^2 with n d = distance / lever is
+
+        d = distance / lever M^-1 n / (n M^-1 n),   M = 1 + weight E^T E
 
     Parameters
     ----------
     model : with the muscle
     muscle : whose path is too deep
     ends : of the part of the path that is too deep
-    outward : (3,) unit vector out of the bone, in ground
-    over : distance to move the point by [m]
-    poses : at which lengths and moment arms count
-    weight : of their changes compared with the move
+    out : how the point has to move
+    cost : of changes of lengths and moment arms
 
     Returns
     -------
     the move, with its end and its cost
     """
+    poses = cost.poses
+    weight = cost.weight
     moves = []
     for end in ends:
-        way = over / end.lever
+        way = out.distance / end.lever
         if end.wrap:
             wrap = next(item for item in model.wrap_objects if item.name == end.wrap)
             effect = wrap_effect(model, wrap, poses) if weight else np.zeros(1)
@@ -324,7 +347,7 @@ def least_move(
                 Move(end, np.array([way]), way**2 * (1.0 + weight * float(effect @ effect)))
             )
             continue
-        normal = outward @ end.rotation
+        normal = out.direction @ end.rotation
         effect = point_effect(model, muscle, end.point, poses) if weight else np.zeros((0, 3))
         stiffness = np.eye(3) + weight * effect.T @ effect
         least = np.linalg.solve(stiffness, normal)
@@ -333,59 +356,82 @@ def least_move(
     return min(moves, key=lambda move: move.cost)
 
 
-def moved_once(
-    model: Model,
-    start: Model,
-    ground: Ground,
-    steps: Mapping[str, float],
-    muscles: Sequence[str],
-    weight: float,
-) -> Model | None:
-    """Move every path that is too deep once, by its share of the way.
+@dataclass(frozen=True, eq=False)
+class PathMover:
+    """What moves paths out of bones.
 
-    Returns the model; None where nothing can be moved.
+    Attributes
+    ----------
+    start : model before any move, from which no point goes too far
+    ground : bones that paths are held against
+    weight : of changes of lengths and moment arms compared with the moves
     """
-    poses = ground.poses
-    paths = compile_paths(model)
-    pushes: dict[tuple[str, int], Array] = {}
-    swollen: dict[str, float] = {}
-    for name, place, over in ground.too_deep(model, muscles):
-        if steps.get(name, 1.0) < SMALLEST:
-            continue
-        muscle = model.muscle(name)
-        ends = [
-            path_end
-            for path_end in part_at(
-                paths, model, muscle, poses.coordinates[place.pose], place.place
-            )
-            if path_end.movable
-            and path_end.lever >= LEVER
-            and steps.get(path_end.wrap, 1.0) >= SMALLEST
+
+    start: Model
+    ground: Ground
+    weight: float
+
+    def moved_once(
+        self, model: Model, steps: Mapping[str, float], muscles: Sequence[str]
+    ) -> Model | None:
+        """Move every path that is too deep once, by its share of the way.
+
+        `steps`: shares by muscle or wrap object, 1 where there is none; `muscles`: to check.
+        Returns the model; None where nothing can be moved.
+        """
+        paths = compile_paths(model)
+        pushes: dict[tuple[str, int], Array] = {}
+        swollen: dict[str, float] = {}
+        for name, place, over in self.ground.too_deep(model, muscles):
+            if steps.get(name, 1.0) < SMALLEST:
+                continue
+            muscle = model.muscle(name)
+            ends = self._movable_ends(paths, model, muscle, place, steps)
+            if not ends:
+                continue
+            out = WayOut(place.outward, over)
+            move = least_move(model, muscle, ends, out, ChangeCost(self.ground.poses, self.weight))
+            end = move.end
+            by = OVER * steps.get(end.wrap or name, 1.0) * move.by
+            if end.wrap:
+                swollen[end.wrap] = max(swollen.get(end.wrap, 0.0), float(by[0]))
+            else:
+                pushes[name, end.point] = _longer(by, pushes.get((name, end.point)))
+        return self._with_moves(model, pushes, swollen) if pushes or swollen else None
+
+    def _movable_ends(
+        self, paths: Paths, model: Model, muscle: Muscle, place: Depth, steps: Mapping[str, float]
+    ) -> list[PathEnd]:
+        """Return the ends beside a place that can be moved, and move it enough."""
+        coordinates = self.ground.poses.coordinates[place.pose]
+        return [
+            end
+            for end in part_at(paths, model, muscle, coordinates, place.place)
+            if end.movable and end.lever >= LEVER and steps.get(end.wrap, 1.0) >= SMALLEST
         ]
-        if not ends:
-            continue
-        move = least_move(model, muscle, ends, place.outward, over, poses, weight)
-        end = move.end
-        by = OVER * steps.get(move.end.wrap or name, 1.0) * move.by
-        if end.wrap:
-            swollen[end.wrap] = max(swollen.get(end.wrap, 0.0), float(by[0]))
-        else:
-            known = pushes.get((name, end.point))
-            further = known is None or np.linalg.norm(by) > np.linalg.norm(known)
-            pushes[name, end.point] = by if known is None or further else known
-    if not pushes and not swollen:
-        return None
-    reach = {body: FURTHEST * solid.length for body, solid in ground.target.items()}
-    return replace(
-        model,
-        muscles=tuple(
-            _pushed(item, start.muscle(item.name), pushes, reach) for item in model.muscles
-        ),
-        wrap_objects=tuple(
-            _swollen(item, first, swollen.get(item.name, 0.0))
-            for item, first in zip(model.wrap_objects, start.wrap_objects, strict=True)
-        ),
-    )
+
+    def _with_moves(
+        self, model: Model, pushes: Mapping[tuple[str, int], Array], swollen: Mapping[str, float]
+    ) -> Model:
+        """Return the model with its via points displaced and its wrap objects grown [m]."""
+        reach = {body: FURTHEST * solid.length for body, solid in self.ground.target.items()}
+        return replace(
+            model,
+            muscles=tuple(
+                _pushed(item, self.start.muscle(item.name), pushes, reach) for item in model.muscles
+            ),
+            wrap_objects=tuple(
+                _swollen(item, first, swollen.get(item.name, 0.0))
+                for item, first in zip(model.wrap_objects, self.start.wrap_objects, strict=True)
+            ),
+        )
+
+
+def _longer(by: Array, known: Array | None) -> Array:
+    """Return the longer of two displacements (3,), of which the second may be missing."""
+    if known is None or np.linalg.norm(by) > np.linalg.norm(known):
+        return by
+    return known
 
 
 def _pushed(

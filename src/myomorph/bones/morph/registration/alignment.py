@@ -22,7 +22,13 @@ from myomorph.bones.morph.registration.affine import (
     affine_ways,
     lay_affinely,
 )
-from myomorph.bones.morph.registration.smooth import MatchOptions, SmoothFit, fit_smoothly, onto
+from myomorph.bones.morph.registration.smooth import (
+    MatchOptions,
+    SmoothFit,
+    SurfacePair,
+    fit_smoothly,
+    onto,
+)
 from myomorph.bones.morph.shapes.articular import articular_sphere, spherical_patches, warning_of
 from myomorph.bones.morph.shapes.quadrics import SphereFit
 from myomorph.core.model.arrays import Array
@@ -158,6 +164,7 @@ def _tried(
     """
     points = ours.samples(ASKED).points
     quick = replace(options, match_points=min(QUICK, options.match_points))
+    surfaces = SurfacePair(ours, goal, landmarks)
 
     def deformed(ways: list[Way]) -> list[Alignment]:
         """Return the likeliest poses after a deformation."""
@@ -178,7 +185,7 @@ def _tried(
                 break
             if any(turn_between(similarity, other.similarity) < APART for other in tried):
                 continue
-            fit = fit_smoothly(ours, goal, way.affine, landmarks, quick, ROUGH)
+            fit = fit_smoothly(surfaces, way.affine, quick, ROUGH)
             unlikely = fit.bending / BENT + 0.5 * (way.strain / STRAIN) ** 2
             left = _distance(ours, goal, fit)
             tried.append(

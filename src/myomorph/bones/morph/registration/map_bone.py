@@ -113,12 +113,12 @@ def map_bone(
     placed = None
     if target is not None:
         target = repaired_bone(target, f"the bone of '{body}'", notes)
+        lies = None
         if source is not None:
             placed = place_bone(source, target, landmarks, start, match)
             _check_side(body, placed, notes)
-        notes += check_bone(
-            body, target, source, landmarks, None if placed is None else placed.similarity
-        )
+            lies = placed.similarity
+        notes += check_bone(body, target, source, landmarks, lies)
     advance(1)
     if source is not None and target is not None and match.features == "dense":
         basis = "bone"

@@ -18,6 +18,7 @@ from myomorph.bones.morph.registration.smooth import (
     FACING,
     MatchOptions,
     SmoothFit,
+    SurfacePair,
     fit_smoothly,
     match_radii,
     onto,
@@ -221,7 +222,8 @@ def match_surfaces(
     ours = _Unit(source)
     goal = _Unit(target)
     pulls = None if landmarks is None else _in_units(landmarks, ours, goal)
-    smooth = fit_smoothly(ours.shape, goal.shape, _begun(placed, ours, goal, pulls), pulls, options)
+    surfaces = SurfacePair(ours.shape, goal.shape, pulls)
+    smooth = fit_smoothly(surfaces, _begun(placed, ours, goal, pulls), options)
     deformed = Shape(Surface(smooth.apply(ours.shape.vertices), source.faces))
     closest = onto(goal.shape, deformed.vertices, vertex_normals(deformed))
     quality = match_quality(ours.shape, deformed, goal.shape, closest, options.match_tolerance)
@@ -291,7 +293,8 @@ def _pairs(
     near = np.linalg.norm(closest.points - smooth, axis=1) <= options.match_tolerance
     kept = near & ~closest.rim & (np.einsum("ij,ij->i", closest.normals, normals) > FACING)
     names = tuple(f"surface {index + 1}" for index in np.flatnonzero(kept))
-    radii = goal.length * match_radii(ours.shape, goal.shape, fit, samples[kept], pulls, options)
+    surfaces = SurfacePair(ours.shape, goal.shape, pulls)
+    radii = goal.length * match_radii(surfaces, fit, samples[kept], options)
     return FeaturePoints(
         names=names,
         source=samples[kept] * ours.length,

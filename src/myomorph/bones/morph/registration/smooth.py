@@ -216,11 +216,32 @@ class SmoothFit:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class SurfacePair:
+    """Two surfaces to be laid on each other, in shares of the bone's length.
+
+    Attributes
+    ----------
+    ours, goal : surfaces of source and target
+    landmarks : on both, which pull beside the surfaces; None without
+    """
+
+    ours: Shape
+    goal: Shape
+    landmarks: FeaturePoints | None = None
+
+    @property
+    def turned(self) -> SurfacePair:
+        """The same from target to source."""
+        marks = self.landmarks
+        if marks is not None:
+            marks = FeaturePoints(marks.names, marks.target, marks.source)
+        return SurfacePair(self.goal, self.ours, marks)
+
+
 def fit_smoothly(
-    ours: Shape,
-    goal: Shape,
+    surfaces: SurfacePair,
     before: AffineMap,
-    landmarks: FeaturePoints | None,
     options: MatchOptions,
     exactness: tuple[float, ...] = EXACTNESS,
 ) -> SmoothFit:
@@ -228,25 +249,22 @@ def fit_smoothly(
 
     Lengths are shares of the bone's.
     """
-    sparse = _Moving(ours.samples(options.match_points), before)
-    dense = _Moving(ours.samples(2 * options.match_points), before)
-    theirs = goal.samples(options.match_points)
-    basis = _basis(ours, options)
+    sparse = _Moving(surfaces.ours.samples(options.match_points), before)
+    dense = _Moving(surfaces.ours.samples(2 * options.match_points), before)
+    theirs = surfaces.goal.samples(options.match_points)
+    basis = _basis(surfaces.ours, options)
     for moving in (sparse, dense):
         moving.follow(basis)
     size = sparse.rows.shape[1]
     pulled = np.zeros((size, size))
     drawn = np.zeros((3, size))
-    if landmarks is not None:
-        rows = basis(landmarks.source)
-        exact = 1.0 / options.landmark_error**2
-        pulled = exact * rows.T @ rows
-        drawn = exact * (landmarks.target - before.apply(landmarks.source)).T @ rows
+    if surfaces.landmarks is not None:
+        pulled, drawn = _landmark_pull(surfaces.landmarks, basis, before, options.landmark_error)
     displacement: Array = np.zeros((size, 3))
     information = np.eye(3 * size)
     rms = np.inf
     for exact in exactness:
-        pairs = _pairs(sparse, dense, theirs, goal, displacement)
+        pairs = _pairs(sparse, dense, theirs, surfaces.goal, displacement)
         rms = pairs.rms
         exact = max(exact, UNLIKE * rms) if np.isfinite(rms) else exact
         information, right = _equations(
@@ -401,22 +419,30 @@ triangles, as OpenSim's bones are; tried on others (`benchmarks/accuracy/morph/c
 """
 
 
+def _landmark_pull(
+    landmarks: FeaturePoints, basis: Callable[[Array], Array], before: AffineMap, error: float
+) -> tuple[Array, Array]:
+    """Return the normal equations of the pull of landmarks, (size, size) and (3, size).
+
+    `error`: of a landmark, as a share of the bone's length.
+    """
+    rows = basis(landmarks.source)
+    exact = 1.0 / error**2
+    pulled = exact * rows.T @ rows
+    drawn = exact * (landmarks.target - before.apply(landmarks.source)).T @ rows
+    return pulled, drawn
+
+
 def match_radii(
-    ours: Shape,
-    goal: Shape,
-    fit: SmoothFit,
-    points: Array,
-    landmarks: FeaturePoints | None,
-    options: MatchOptions,
+    surfaces: SurfacePair, fit: SmoothFit, points: Array, options: MatchOptions
 ) -> Array:
     """Return the distances within which points of the source belong with 90 %.
 
     Parameters
     ----------
-    ours, goal : surfaces of source and target, in shares of the bone's length
+    surfaces : of source and target
     fit : between them
-    points : (n, 3) of the source
-    landmarks : that pulled; None without
+    points : (n, 3) of the source, in shares of the bone's length
     options : of the match
 
     Returns
@@ -427,13 +453,8 @@ def match_radii(
     narrow = max(0.5, NARROWER * options.match_kernel_width)
     softer = replace(few, stiffness=SOFTER * options.stiffness, match_kernel_width=narrow)
     here = fit.apply(points)
-    beside = [fit_smoothly(ours, goal, fit.before, landmarks, softer).apply(points) - here]
-    turned = (
-        None
-        if landmarks is None
-        else FeaturePoints(landmarks.names, landmarks.target, landmarks.source)
-    )
-    back = fit_smoothly(goal, ours, fit.before.inverse(), turned, few).apply(here) - points
+    beside = [fit_smoothly(surfaces, fit.before, softer).apply(points) - here]
+    back = fit_smoothly(surfaces.turned, fit.before.inverse(), few).apply(here) - points
     stretch = float(np.linalg.svd(fit.before.matrix, compute_uv=False).mean())
     beside.append(stretch * back)
     apart = [np.linalg.norm(difference, axis=1) for difference in beside] + [

@@ -9,6 +9,7 @@ it stays: vertices near the sphere that face along its radius, in the one patch 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -21,6 +22,22 @@ from myomorph.core.model.surface import Surface, connected, edges_of, face_cross
 
 # Cosine of the angle to the radius (35 degrees) up to which a vertex may belong to a round region.
 FACING = 0.82
+
+
+@dataclass(frozen=True)
+class RoundShell:
+    """A layer about a sphere or cylinder.
+
+    Attributes
+    ----------
+    radius : of the sphere or cylinder [m]
+    share : of the radius that a point may be off
+    hollow : whether the surface faces inward, as in a socket
+    """
+
+    radius: float
+    share: float
+    hollow: bool
 
 
 @read_only
@@ -91,41 +108,32 @@ class Corners:
             edges=np.zeros((0, 2), np.int64),
         )
 
-    def around(self, away: Array, radius: float, shell: float, hollow: bool) -> np.ndarray:
-        """Return which corners face along the radius within a share of it.
+    def around(self, away: Array, shell: RoundShell) -> np.ndarray:
+        """Return which corners lie in a shell and face along its radius.
 
         Parameters
         ----------
         away : (n, 3) from the center or the axis [m]
-        radius : of the sphere or cylinder [m]
-        shell : allowed distance from it, as a share of the radius
-        hollow : whether the surface faces inward, as in a socket
+        shell : about the sphere or cylinder
 
         Returns
         -------
         (n,) whether a corner does
         """
         reach = np.sqrt(np.einsum("ij,ij->i", away, away))
-        facing = np.einsum("ij,ij->i", self.normals, away) * (-1.0 if hollow else 1.0)
-        return (np.abs(reach - radius) <= shell * radius) & (facing >= FACING * reach)
+        facing = np.einsum("ij,ij->i", self.normals, away) * (-1.0 if shell.hollow else 1.0)
+        near = np.abs(reach - shell.radius) <= shell.share * shell.radius
+        return near & (facing >= FACING * reach)
 
     def patch(
-        self,
-        away: Array,
-        radius: float,
-        shell: float,
-        hollow: bool,
-        inside: np.ndarray | None = None,
-        pieces: int = 1,
+        self, away: Array, shell: RoundShell, inside: np.ndarray | None = None, pieces: int = 1
     ) -> np.ndarray:
         """Return the corners around that are inside, in the largest connected piece or pieces.
 
         Parameters
         ----------
         away : (n, 3) from the center or the axis [m]
-        radius : of the sphere or cylinder [m]
-        shell : allowed distance from it, as a share of the radius
-        hollow : whether the surface faces inward, as in a socket
+        shell : about the sphere or cylinder
         inside : (n,) which corners may be chosen; all by default
         pieces : number of pieces, those of largest area
 
@@ -133,7 +141,7 @@ class Corners:
         -------
         (n,) whether a corner is chosen
         """
-        chosen = self.around(away, radius, shell, hollow)
+        chosen = self.around(away, shell)
         if inside is not None:
             chosen &= inside
         edges = self.edges[chosen[self.edges].all(axis=1)]
@@ -202,24 +210,37 @@ def articular_sphere(
     return _sphere(_near(surface, start, 2.5 * radius), start, radius, hollow)
 
 
+@dataclass(frozen=True, eq=False)
+class ExpectedCylinder:
+    """A cylinder as it is expected, roughly.
+
+    Attributes
+    ----------
+    near : (3,) point amid the joint [m]
+    axis : (3,) direction
+    radius : of the cylinder [m]
+    width : along the axis [m]; 4 radii by default
+    """
+
+    near: ArrayLike
+    axis: ArrayLike
+    radius: float
+    width: float | None = None
+
+
 def articular_cylinder(
-    surface: Surface,
-    near: ArrayLike,
-    axis: ArrayLike,
-    radius: float,
-    width: float | None = None,
-    hollow: bool = False,
+    surface: Surface, expected: ExpectedCylinder, hollow: bool = False
 ) -> CylinderFit:
     """Fit the cylinder of a hinge's rollers.
 
     These are both condyles of a femur, or the trochlea of a talus or a humerus; `hollow`: of the
-    notch that holds the roller. `near`: amid the joint [m]; `width`: along the axis, 4 radii by
-    default [m].
+    notch that holds the roller.
     """
-    start = np.asarray(near, dtype=np.float64)
-    line = np.asarray(axis, dtype=np.float64)
+    start = np.asarray(expected.near, dtype=np.float64)
+    line = np.asarray(expected.axis, dtype=np.float64)
     line = line / np.linalg.norm(line)
-    half = 0.5 * (4.0 * radius if width is None else width)
+    radius = expected.radius
+    half = 0.5 * (4.0 * radius if expected.width is None else expected.width)
     corners = _near(surface, start, float(np.hypot(2.5 * radius, half)))
     fits: list[tuple[float, CylinderFit]] = []
     reason = ""
@@ -285,7 +306,7 @@ def spherical_patches(
     for seed in range(min(SEEDS, len(asked.points))):
         for radius in radii.tolist():
             center = asked.points[seed] + (radius if hollow else -radius) * asked.normals[seed]
-            near = asked.around(asked.points - center, radius, NARROW, hollow)
+            near = asked.around(asked.points - center, RoundShell(radius, NARROW, hollow))
             share = float(asked.areas[near].sum() / (4.0 * np.pi * radius**2))
             if share > COVERED and near.sum() >= MIN_COUNT:
                 voted.append((min(share, 1.0), center, radius))
@@ -335,7 +356,7 @@ def _cylinder(
         away = corners.points - point
         across = away - np.outer(away @ direction, direction)
         # Condyles are two patches, with a notch between them.
-        return corners.patch(across, size, shell, hollow, inside, 2)
+        return corners.patch(across, RoundShell(size, shell, hollow), inside, 2)
 
     def fitted(chosen: np.ndarray) -> CylinderFit:
         return fit_cylinder(
@@ -352,7 +373,7 @@ def _consensus(
     inside = np.abs((corners.points - window[0]) @ fit.axis) <= window[1]
     away = corners.points - fit.point
     across = away - np.outer(away @ fit.axis, fit.axis)
-    on = corners.patch(across, fit.radius, width / fit.radius, hollow, inside, 2)
+    on = corners.patch(across, RoundShell(fit.radius, width / fit.radius, hollow), inside, 2)
     apart = (np.linalg.norm(across[on], axis=1) - fit.radius) / width
     return float(corners.areas[on] @ np.maximum(0.0, 1.0 - apart**2)) / fit.radius
 
@@ -360,7 +381,7 @@ def _consensus(
 def _sphere(corners: Corners, start: Array, radius: float, hollow: bool) -> SphereFit:
     def region(fit: SphereFit | None, shell: float) -> np.ndarray:
         center, size = (start, radius) if fit is None else (fit.center, fit.radius)
-        return corners.patch(corners.points - center, size, shell, hollow)
+        return corners.patch(corners.points - center, RoundShell(size, shell, hollow))
 
     def fitted(chosen: np.ndarray) -> SphereFit:
         return fit_sphere(corners.points[chosen], corners.normals[chosen], corners.areas[chosen])

@@ -83,9 +83,7 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike, weights: ArrayLike) -> Sph
     center, radius = _sphere_start(x, normals, share)
     counts = share
     for _ in range(ITERATIONS):
-        away = x - center
-        reach = np.linalg.norm(away, axis=1)
-        direction = away / np.maximum(reach, 1e-12)[:, None]
+        reach, direction = _reached(x, center)
         apart = reach - radius
         counts = share * _tukey(apart, share)
         slopes = np.hstack([direction, np.ones((len(x), 1))])
@@ -95,8 +93,7 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike, weights: ArrayLike) -> Sph
         if np.abs(step).max() < SETTLED:
             break
     rms = float(np.sqrt(np.average(apart**2, weights=counts)))
-    area = float(np.sum(np.asarray(weights)[counts > 0]))
-    coverage = area / (4.0 * np.pi * (size * radius) ** 2)
+    coverage = float(np.sum(np.asarray(weights)[counts > 0]) / (4.0 * np.pi * (size * radius) ** 2))
     spread = _covariance(slopes, counts, rms, 4.0 * np.pi * coverage / TOGETHER**2)
     return SphereFit(
         center=frozen_array(middle + size * center),
@@ -110,6 +107,13 @@ def fit_sphere(points: ArrayLike, normals: ArrayLike, weights: ArrayLike) -> Sph
     )
 
 
+def _reached(x: Array, center: Array) -> tuple[Array, Array]:
+    """Return distances (n,) of points (n, 3) from a center (3,), and unit vectors (n, 3) there."""
+    away = x - center
+    reach = np.linalg.norm(away, axis=1)
+    return reach, away / np.maximum(reach, 1e-12)[:, None]
+
+
 def fit_cylinder(
     points: ArrayLike, normals: ArrayLike, weights: ArrayLike, axis: ArrayLike
 ) -> CylinderFit:
@@ -120,8 +124,7 @@ def fit_cylinder(
     """
     x, share, middle, size = _scaled(points, weights, 6, "cylinder")
     first = np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis)
-    looks = np.asarray(normals, dtype=np.float64)
-    starts = (_circle_start, partial(_normals_start, looks))
+    starts = (_circle_start, partial(_normals_start, np.asarray(normals, dtype=np.float64)))
     found = [fit for start in starts if (fit := _cylinder_from(x, share, first, start))]
     if not found:
         raise BadData("the points do not determine a cylinder: give more of its turn")

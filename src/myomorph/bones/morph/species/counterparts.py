@@ -247,6 +247,14 @@ class SpeciesTable:
 Surfaces = Mapping[str, Surface]
 
 
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """A model with the surfaces of its bones, by body and in the bodies' frames [m]."""
+
+    model: Model
+    surfaces: Surfaces
+
+
 class Posed:
     """A model in one posture: where bodies, joints and bones' surfaces are."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,24 +91,35 @@ def _area(surface: Surface) -> Array:
     return 0.5 * np.linalg.norm(face_crosses(surface.vertices, surface.faces), axis=1)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MarkedBone:
+    """A bone on which landmarks are found.
+
+    Attributes
+    ----------
+    surface : in its body's frame [m]
+    frame : anatomical directions of the body
+    joints : (3,) centers of joints by the body that hangs on them [m]
+    of_source : whether the bone is the source's
+    half : only what lies to the right of the body's origin counts
+    """
+
+    surface: Surface
+    frame: AnatomicalFrame
+    joints: Mapping[str, Array]
+    of_source: bool
+    half: bool = False
+
+
 def landmarks_by_rules(
-    rules: tuple[LandmarkRule, ...],
-    surface: Surface,
-    frame: AnatomicalFrame,
-    joints: Mapping[str, Array],
-    of_source: bool,
-    half: bool = False,
+    rules: tuple[LandmarkRule, ...], bone: MarkedBone
 ) -> tuple[Landmarks, tuple[str, ...]]:
     """Find landmarks of one bone by rules.
 
     Parameters
     ----------
     rules : one per landmark, or pair of landmarks
-    surface : of the bone, in its body's frame [m]
-    frame : anatomical directions of the body
-    joints : (3,) centers of joints by the body that hangs on them [m]
-    of_source : whether the bone is the source's
-    half : only what lies to the right of the body's origin counts
+    bone : on which they are
 
     Returns
     -------
@@ -121,23 +133,22 @@ def landmarks_by_rules(
     landmarks: Landmarks = {}
     for rule in rules:
         if rule.rule == "joint":
-            name = rule.source_joint if of_source else rule.target_joint
-            if name not in joints:
+            name = rule.source_joint if bone.of_source else rule.target_joint
+            if name not in bone.joints:
                 raise BadData(
                     f"landmark '{rule.name}': no joint of '{name}': there are"
-                    f" {', '.join(sorted(joints))}"
+                    f" {', '.join(sorted(bone.joints))}"
                 )
-            landmarks[rule.name] = np.asarray(joints[name], dtype=np.float64)
-    parts = Parts(
-        surface=surface, frame=frame, joint=next(iter(landmarks.values()), None), half=half
-    )
+            landmarks[rule.name] = np.asarray(bone.joints[name], dtype=np.float64)
+    first = next(iter(landmarks.values()), None)
+    parts = Parts(surface=bone.surface, frame=bone.frame, joint=first, half=bone.half)
     notes = []
     for rule in rules:
         if rule.rule == "joint":
             continue
         try:
             points, faces = parts.of(rule)
-            box = {**rule.within, **(rule.source_within if of_source else rule.target_within)}
+            box = {**rule.within, **(rule.source_within if bone.of_source else rule.target_within)}
             if rule.rule == "farthest":
                 here = _farthest(rule, points, box)
             else:
@@ -149,7 +160,7 @@ def landmarks_by_rules(
         except BadData as error:
             notes.append(str(error))
             continue
-        landmarks |= {name: point @ frame.axes for name, point in here.items()}
+        landmarks |= {name: point @ bone.frame.axes for name, point in here.items()}
     return landmarks, tuple(notes)
 
 

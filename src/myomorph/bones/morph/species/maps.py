@@ -17,7 +17,7 @@ from myomorph.bones.morph.maps.fields import (
     PlacedMap,
     fit_map,
 )
-from myomorph.bones.morph.morphed import Morph, MorphOptions, TransferredPoint
+from myomorph.bones.morph.morphed import Architecture, Morph, MorphOptions, TransferredPoint
 from myomorph.bones.morph.registration.map_bone import map_bone
 from myomorph.bones.morph.registration.smooth import MatchOptions
 from myomorph.bones.morph.species import counterparts
@@ -28,9 +28,9 @@ from myomorph.bones.morph.species.architecture import (
     scaled_architectures,
 )
 from myomorph.bones.morph.species.attachments import straightened, with_attachments
-from myomorph.bones.morph.species.landmarks import landmarks_by_rules
+from myomorph.bones.morph.species.landmarks import MarkedBone, landmarks_by_rules
 from myomorph.bones.morph.species.rays import put_on_rays
-from myomorph.bones.morph.transfer.model import graft_muscles
+from myomorph.bones.morph.transfer.model import Graft, graft_muscles
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
@@ -57,14 +57,32 @@ class SpeciesBones:
     notes: tuple[str, ...] = ()  # what was assumed or looks wrong, one line each
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SpeciesOptions:
+    """Options of muscles on the skeleton of another species.
+
+    Attributes
+    ----------
+    morph : what is transferred how
+    map : how the space around a bone is mapped
+    match : how dense correspondence is found, for bones of which the table wants it; "landmarks"
+        maps all by landmarks
+    beside : keep the target's own muscles too
+    name : of the new model; by default the target's
+    """
+
+    morph: MorphOptions | None = None
+    map: MapOptions | None = None
+    match: MatchOptions | None = None
+    beside: bool = False
+    name: str = ""
+
+
 def species_bones(
-    source: Model,
-    source_surfaces: counterparts.Surfaces,
-    target: Model,
-    target_surfaces: counterparts.Surfaces,
+    source: counterparts.Skeleton,
+    target: counterparts.Skeleton,
     table: counterparts.SpeciesTable,
-    map_options: MapOptions | None = None,
-    match: MatchOptions | None = None,
+    options: SpeciesOptions | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> SpeciesBones:
     """Map every bone of a species table whose bodies both models have.
@@ -72,64 +90,114 @@ def species_bones(
     The target's bone is first given the source's proportions, by the affine map nearest to the
     landmarks, compared, and the map then brought to its own: so surfaces meet although one is
     slender and the other stout, and lengths of options and of checks mean the same for a mouse as
-    for a man. `source_surfaces`, `target_surfaces`: by body, in the bodies' frames [m]; `match`:
-    how dense correspondence is found, for bones of which the table wants it; "landmarks" maps all
-    by landmarks; `progress`: called with a bone's name before it is mapped.
+    for a man. `progress`: called with a bone's name before it is mapped.
     """
-    here = counterparts.Posed(source, table.posture, source_surfaces)
-    there = counterparts.Posed(target, table.target_posture, target_surfaces)
+    options = options or SpeciesOptions()
+    here = counterparts.Posed(source.model, table.posture, source.surfaces)
+    there = counterparts.Posed(target.model, table.target_posture, target.surfaces)
     bones: dict[str, BoneMap] = {}
     notes: list[str] = []
     parts: dict[str, tuple[str, ...]] = {}
     for bone in table.bones:
-        lacking = [name for name in bone.sources[:1] if name not in source.body_names]
-        lacking += [name for name in bone.targets[:1] if name not in target.body_names]
-        if lacking:
+        missing = _missing_bodies(bone, source.model, target.model)
+        if missing:
             notes.append(
-                f"{bone.sources[0]} to {bone.targets[0]}: left out, no body '{lacking[0]}'"
+                f"{bone.sources[0]} to {bone.targets[0]}: left out, no body '{missing[0]}'"
             )
             continue
         if progress is not None:
             progress(bone.sources[0])
-        first, notes_of_bone = _map(bone, table, (here, there), map_options, match)
+        first, notes_of_bone = _map(bone, table, (here, there), options)
         notes += notes_of_bone
-        bones |= counterparts.riders(first, bone, here)
+        riders = counterparts.riders(first, bone, here)
+        bones |= riders
         if bone.spread:
-            for number, name in enumerate(bone.targets[1:], start=1):
-                if name in target.body_names:
-                    bones |= {
-                        counterparts.part_name(body, name): counterparts.seated(
-                            rider, body, bone, number, there
-                        )
-                        for body, rider in counterparts.riders(first, bone, here).items()
-                    }
-            parts |= {
-                body: tuple(n for n in bone.targets if n in target.body_names)
-                for body in bone.sources
-            }
+            bones |= _seated(riders, bone, there)
+            targets = tuple(name for name in bone.targets if name in target.model.body_names)
+            parts |= dict.fromkeys(bone.sources, targets)
+    model, bones = _with_rays(source.model, bones, table, (here, there))
+    if parts:
+        digits = frozenset(body for bone in table.bones if bone.rays for body in bone.sources)
+        model = counterparts.spread_over_targets(model, parts, bones, there, digits)
+    model, placed, moved = with_attachments(
+        straightened(model, table.straight), bones, table.relatives
+    )
+    return SpeciesBones(model, placed, (*notes, *moved))
+
+
+def _missing_bodies(bone: counterparts.BoneHomology, source: Model, target: Model) -> list[str]:
+    """Return the first bodies of a pair of bones that the models lack."""
+    missing = [name for name in bone.sources[:1] if name not in source.body_names]
+    return missing + [name for name in bone.targets[:1] if name not in target.body_names]
+
+
+def _with_rays(
+    source: Model,
+    bones: dict[str, BoneMap],
+    table: counterparts.SpeciesTable,
+    posed: tuple[counterparts.Posed, counterparts.Posed],
+) -> tuple[Model, dict[str, BoneMap]]:
+    """Put muscles on the rays of all bones that have some; returns the source and all maps."""
     for bone in table.bones:
         if bone.rays and bone.sources[0] in bones:
-            rays = put_on_rays(source, bone, table, (here, there))
+            rays = put_on_rays(source, bone, table, posed)
             source = rays.source
             bones = {**bones, **rays.bones}
-    digits = frozenset(body for bone in table.bones if bone.rays for body in bone.sources)
-    spread = (
-        counterparts.spread_over_targets(source, parts, bones, there, digits) if parts else source
-    )
-    spread, placed, said = with_attachments(
-        straightened(spread, table.straight), bones, table.relatives
-    )
-    return SpeciesBones(spread, placed, (*notes, *said))
+    return source, bones
+
+
+def _seated(
+    riders: Mapping[str, BoneMap], bone: counterparts.BoneHomology, there: counterparts.Posed
+) -> dict[str, BoneMap]:
+    """Map each source body of a bone to the bone's further targets, as parts of the body."""
+    return {
+        counterparts.part_name(body, name): counterparts.seated(rider, body, bone, number, there)
+        for number, name in enumerate(bone.targets[1:], start=1)
+        if name in there.model.body_names
+        for body, rider in riders.items()
+    }
 
 
 def _map(
     bone: counterparts.BoneHomology,
     table: counterparts.SpeciesTable,
     posed: tuple[counterparts.Posed, counterparts.Posed],
-    options: MapOptions | None,
-    match: MatchOptions | None,
+    options: SpeciesOptions,
 ) -> tuple[BoneMap, tuple[str, ...]]:
     """Map a pair's first bodies."""
+    pair = f"{bone.sources[0]} to {bone.targets[0]}"
+    points, shapes, notes = _common_landmarks(bone, table, posed)
+    if bone.match == "similarity" or any(rule.rule == "box" for rule in bone.landmarks):
+        return _by_landmarks(bone, points, shapes, options), tuple(notes)
+    names, ours, theirs, steep = _consistent(points.names, points.source, points.target)
+    notes += [f"{pair}: {line}" for line in steep]
+    scaling = fit_affine(theirs, ours)
+    if np.linalg.det(scaling.matrix) <= 0.0:
+        raise BadData(
+            f"{pair}: the landmarks turn right into left: is one of the bones of the other side?"
+        )
+    match = options.match or MatchOptions()
+    points = FeaturePoints(names, ours, scaling.apply(theirs))
+    # What rules found on a bone need not be checked against it.
+    surfaces: tuple[Surface | None, Surface | None] = (None, None)
+    if match.features == "dense" and bone.match == "dense":
+        surfaces = (
+            shapes[0],
+            Surface(scaling.apply(shapes[1].vertices), shapes[1].faces),
+        )
+    bone_map = map_bone(bone.sources[0], *surfaces, points, options.map, match, bone.targets[0])
+    return _stretched(bone_map, shapes[0], shapes[1], scaling.inverse()), tuple(notes)
+
+
+def _common_landmarks(
+    bone: counterparts.BoneHomology,
+    table: counterparts.SpeciesTable,
+    posed: tuple[counterparts.Posed, counterparts.Posed],
+) -> tuple[FeaturePoints, tuple[Surface, Surface], list[str]]:
+    """Find the landmarks that rules find on both bones of a pair.
+
+    Returns them with the bones' surfaces, and notes on rules that found none.
+    """
     pair = f"{bone.sources[0]} to {bone.targets[0]}"
     frames = table.frames(bone)
     places = []
@@ -137,58 +205,52 @@ def _map(
     notes: list[str] = []
     for index, (bodies, side) in enumerate(zip((bone.sources, bone.targets), posed, strict=True)):
         shape = side.surface(tuple(name for name in bodies if name in side.model.body_names))
-        joints = side.joints(bodies[0])
-        marks, lost = landmarks_by_rules(
-            bone.landmarks, shape, frames[index], joints, index == 0, bone.half
+        marked = MarkedBone(
+            surface=shape,
+            frame=frames[index],
+            joints=side.joints(bodies[0]),
+            of_source=index == 0,
+            half=bone.half,
         )
+        marks, lost = landmarks_by_rules(bone.landmarks, marked)
         shapes.append(shape)
         places.append(marks)
         notes += [f"{pair}: {line}" for line in lost]
-    names = tuple(name for name in places[0] if name in places[1])
+    ours, theirs = places
+    names = tuple(name for name in ours if name in theirs)
     if len(names) < MIN_COUNT:
         raise BadData(
             f"{pair}: {len(names)} landmarks in common ({', '.join(names)}): expected four or more"
         )
-    ours_by_name, theirs_by_name = places
-    ours = np.array([ours_by_name[name] for name in names])
-    theirs = np.array([theirs_by_name[name] for name in names])
-    body = bone.sources[0]
-    target = bone.targets[0]
-    if bone.match == "similarity" or any(rule.rule == "box" for rule in bone.landmarks):
-        # The corners of a box are not on the bone: nothing about them can be checked against its
-        # surface.
-        points = FeaturePoints(names, ours, theirs)
-        fitted = fit_map(
-            points, MapOptions("similarity") if bone.match == "similarity" else options
-        )
-        whole = procrustes(ours, theirs, True)
-        made = BoneMap(
-            body=body,
-            target_body=target,
-            map=fitted,
-            whole=whole,
-            basis="landmarks",
-            source=shapes[0],
-            target=shapes[1],
-            features=points,
-        )
-        return made, tuple(notes)
-    names, ours, theirs, steep = _consistent(names, ours, theirs)
-    notes += [f"{pair}: {line}" for line in steep]
-    scaling = fit_affine(theirs, ours)
-    if np.linalg.det(scaling.matrix) <= 0.0:
-        raise BadData(
-            f"{pair}: the landmarks turn right into left: is one of the bones of the other side?"
-        )
-    wanted = match or MatchOptions()
-    points = FeaturePoints(names, ours, scaling.apply(theirs))
-    if wanted.features == "dense" and bone.match == "dense":
-        scaled_surface = Surface(scaling.apply(shapes[1].vertices), shapes[1].faces)
-        bone_map = map_bone(body, shapes[0], scaled_surface, points, options, wanted, target)
-    else:
-        # What rules found on a bone need not be checked against it.
-        bone_map = map_bone(body, None, None, points, options, wanted, target)
-    return _stretched(bone_map, shapes[0], shapes[1], scaling.inverse()), tuple(notes)
+    points = FeaturePoints(
+        names,
+        np.array([ours[name] for name in names]),
+        np.array([theirs[name] for name in names]),
+    )
+    return points, (shapes[0], shapes[1]), notes
+
+
+def _by_landmarks(
+    bone: counterparts.BoneHomology,
+    points: FeaturePoints,
+    shapes: tuple[Surface, Surface],
+    options: SpeciesOptions,
+) -> BoneMap:
+    """Map a bone by its landmarks alone.
+
+    The corners of a box are not on the bone: nothing about them can be checked against its surface.
+    """
+    kind = MapOptions("similarity") if bone.match == "similarity" else options.map
+    return BoneMap(
+        body=bone.sources[0],
+        target_body=bone.targets[0],
+        map=fit_map(points, kind),
+        whole=procrustes(points.source, points.target, True),
+        basis="landmarks",
+        source=shapes[0],
+        target=shapes[1],
+        features=points,
+    )
 
 
 def _consistent(
@@ -240,28 +302,19 @@ def _stretched(bone: BoneMap, source: Surface, target: Surface, back: AffineMap)
 
 
 def species_morph(
-    source: Model,
-    source_surfaces: counterparts.Surfaces,
-    target: Model,
-    target_surfaces: counterparts.Surfaces,
+    source: counterparts.Skeleton,
+    target: counterparts.Skeleton,
     table: counterparts.SpeciesTable,
-    options: MorphOptions | None = None,
-    map_options: MapOptions | None = None,
-    match: MatchOptions | None = None,
-    *,
-    beside: bool = False,
-    name: str = "",
+    options: SpeciesOptions | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Morph:
     """Put the source's muscles on the target's skeleton, which keeps its own joints and masses.
 
     Its `source` is that model with parts of bodies as bodies of their own where the table spreads
-    one over several. `beside`: keep the target's own muscles too; `progress`: called with a bone's
-    name before it is mapped, and with "muscles".
+    one over several. `progress`: called with a bone's name before it is mapped, and with "muscles".
     """
-    bones = species_bones(
-        source, source_surfaces, target, target_surfaces, table, map_options, match, progress
-    )
+    options = options or SpeciesOptions()
+    bones = species_bones(source, target, table, options, progress)
     if not bones.bones:
         wanted = ", ".join(
             f"'{bone.sources[0]}' and '{bone.targets[0]}'" for bone in table.bones[:3]
@@ -273,35 +326,43 @@ def species_morph(
     if progress is not None:
         progress("muscles")
     known = None
-    if options is None or options.architecture == "tables":
-        transferred = [
-            m.name
-            for m in source.muscles
-            if all(point.body in bones.bones for point in m.path.points)
-        ]
-        if table.architecture:
-            sizes = [
-                size_over(architecture, table, target, target_surfaces)
-                for architecture in table.architecture
-            ]
-            known = architectures(source, table.architecture, sizes, transferred)
-        elif table.scaling is not None:
-            theirs = joint_distances(table.scaling.bones, table, target, "target")
-            ours = joint_distances(table.scaling.bones, table, source, "source")
-            known = scaled_architectures(source, table.scaling, theirs / ours, transferred)
-    morph = graft_muscles(
-        bones.source,
-        target,
-        bones.bones,
-        options,
-        coordinates=coordinate_table(table, source, target),
+    if options.morph is None or options.morph.architecture == "tables":
+        known = _known_architecture(source.model, target, table, bones.bones)
+    graft = Graft(
+        coordinates=coordinate_table(table, source.model, target.model),
         postures=(table.posture, table.target_posture),
-        beside=beside,
-        name=name,
+        beside=options.beside,
+        name=options.name,
         architecture=known,
     )
-    points = _less_sure(morph.points, table.unlike, target_surfaces)
+    morph = graft_muscles(bones.source, target.model, bones.bones, options.morph, graft)
+    points = _less_sure(morph.points, table.unlike, target.surfaces)
     return replace(morph, points=points, notes=(*bones.notes, *morph.notes))
+
+
+def _known_architecture(
+    source: Model,
+    target: counterparts.Skeleton,
+    table: counterparts.SpeciesTable,
+    bones: Mapping[str, BoneMap],
+) -> Mapping[str, Architecture] | None:
+    """Return fibers and forces of the muscles that are transferred, as the table knows them."""
+    transferred = [
+        muscle.name
+        for muscle in source.muscles
+        if all(point.body in bones for point in muscle.path.points)
+    ]
+    if table.architecture:
+        sizes = [
+            size_over(architecture, table, target.model, target.surfaces)
+            for architecture in table.architecture
+        ]
+        return architectures(source, table.architecture, sizes, transferred)
+    if table.scaling is not None:
+        theirs = joint_distances(table.scaling.bones, table, target.model, "target")
+        ours = joint_distances(table.scaling.bones, table, source, "source")
+        return scaled_architectures(source, table.scaling, theirs / ours, transferred)
+    return None
 
 
 def _less_sure(

@@ -176,7 +176,7 @@ def with_markers_of(
     markers = tuple(
         Marker(label, body, np.array(place)) for label, (body, place) in table.places.items()
     )
-    root = {name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates}
+    root = _root_coordinates(model)
     coordinates = []
     locked = 0
     for coordinate in model.coordinates:
@@ -197,6 +197,11 @@ def with_markers_of(
             " them"
         )
     return made, tuple(notes)
+
+
+def _root_coordinates(model: Model) -> set[str]:
+    """Return the coordinates of joints to ground."""
+    return {name for joint in model.joints if joint.parent == GROUND for name in joint.coordinates}
 
 
 def _check_markers(table: MarkerTable, model: Model) -> None:

@@ -12,7 +12,12 @@ from typing import Literal
 import numpy as np
 
 from myomorph.bones.morph.morphed import RebuiltJoint
-from myomorph.bones.morph.shapes.articular import articular_cylinder, articular_sphere, warning_of
+from myomorph.bones.morph.shapes.articular import (
+    ExpectedCylinder,
+    articular_cylinder,
+    articular_sphere,
+    warning_of,
+)
 from myomorph.bones.morph.transfer.body_transfer import Transfer, Transfers, nearest_rotation
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
@@ -203,7 +208,7 @@ def _center(
         ):
             return None
         return np.asarray(other.center + matrix @ beside)
-    roller = articular_cylinder(source, place, axis, radius, hollow=hollow)
+    roller = articular_cylinder(source, ExpectedCylinder(place, axis, radius), hollow)
     beside = (place - roller.point) - (place - roller.point) @ roller.axis * roller.axis
     if (
         warning_of(roller)
@@ -213,14 +218,13 @@ def _center(
         return None
     along = matrix @ roller.axis
     size = transfer.size
-    there = articular_cylinder(
-        target,
-        transfer.points(place),
-        along,
-        roller.radius * size,
-        2.0 * roller.length * size,
-        hollow,
+    expected = ExpectedCylinder(
+        near=transfer.points(place),
+        axis=along,
+        radius=roller.radius * size,
+        width=2.0 * roller.length * size,
     )
+    there = articular_cylinder(target, expected, hollow)
     goal = transfer.points(place)
     center: Array = there.point + (goal - there.point) @ there.axis * there.axis + matrix @ beside
     return None if warning_of(there) or _strays(transfer, center, goal, there.radius) else center

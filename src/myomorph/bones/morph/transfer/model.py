@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from myomorph.bones.morph.checks.clearance import cleared
@@ -25,8 +25,8 @@ from myomorph.bones.morph.transfer.body_transfer import (
 )
 from myomorph.bones.morph.transfer.joints import CenterFinder, transferred_joints
 from myomorph.bones.morph.transfer.moving_points import translated_path
-from myomorph.bones.morph.transfer.muscles import path_lengths, transferred_muscles
-from myomorph.bones.morph.transfer.paths import LinesOfAction, transferred_lines
+from myomorph.bones.morph.transfer.muscles import MuscleTransfer, path_lengths
+from myomorph.bones.morph.transfer.paths import LinesOfAction, SourceLines, transferred_lines
 from myomorph.bones.morph.transfer.points import uncertain_notes
 from myomorph.bones.morph.transfer.virtual_links import (
     balanced_links,
@@ -47,6 +47,9 @@ from myomorph.core.model.paths import (
 from myomorph.core.model.scale import taut_ligaments
 from myomorph.core.muscles.kinematics import default_path_lengths
 from myomorph.core.rigid.kinematics import standing_poses
+
+PosturePair = tuple[Mapping[str, float], Mapping[str, float]]
+"""Postures of source and target: values of coordinates that are not at their defaults."""
 
 
 def morph_model(
@@ -114,17 +117,10 @@ def morph_model(
     # hangs on them.
     standing = (standing_poses(model), standing_poses(joints.skeleton)) if links else ({}, {})
     transfers |= link_carriers(links, transfers, *standing, {link: link for link in links})
+    whole = SourceLines.of(model)
 
     def transferred(by: Transfers) -> tuple[Model, LinesOfAction]:
-        strings = transferred_lines(
-            model,
-            model.muscles,
-            model.ligaments,
-            by,
-            model.coordinates,
-            joints.travel,
-            options.surface_within,
-        )
+        lines = transferred_lines(whole, by, joints.travel, options.surface_within)
         made = replace(
             joints.skeleton,
             gravity=by[GROUND].rotation @ model.gravity,
@@ -140,60 +136,102 @@ def morph_model(
             bodies=of_mass(
                 tuple(transferred_body(body, by[body.name]) for body in model.bodies), mass
             ),
-            muscles=strings.muscles,
-            ligaments=strings.ligaments,
-            wrap_objects=strings.wrap_objects,
+            muscles=lines.muscles,
+            ligaments=lines.ligaments,
+            wrap_objects=lines.wrap_objects,
             warnings=(),
         )
-        return made, strings
+        return made, lines
 
     if options.balance:
         transfers = balanced_links(model, links, transfers, lambda by: transferred(by)[0])
-    moved, strings = transferred(transfers)
-    morph = _morph(model, model, moved, strings, transfers, options, joints.notes, progress)
+    moved, lines = transferred(transfers)
+    paths = _TransferredPaths(
+        source=model,
+        donor=model,
+        target=moved,
+        lines=lines,
+        transfers=transfers,
+        notes=joints.notes,
+    )
+    morph = _morph(paths, options, progress=progress)
     return replace(morph, joints=joints.rebuilt, notes=(*morph.notes, *not_transferred(model)))
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _TransferredPaths:
+    """Transferred paths, and what they come from.
+
+    Attributes
+    ----------
+    source : the source
+    donor : the source with only the muscles and ligaments that are transferred
+    target : the model with the transferred paths
+    lines : these paths
+    transfers : of the bodies
+    notes : on joints, and on points that depend on coordinates
+    table : the target's coordinate of each of the source's; None where they are the same
+    postures : of source and target in which their bones lie alike
+    """
+
+    source: Model
+    donor: Model
+    target: Model
+    lines: LinesOfAction
+    transfers: Transfers
+    notes: Sequence[str]
+    table: CoordinateTable | None = None
+    postures: PosturePair = ({}, {})
+
+
 def _morph(
-    source: Model,
-    donor: Model,
-    moved: Model,
-    strings: LinesOfAction,
-    transfers: Transfers,
+    paths: _TransferredPaths,
     options: MorphOptions,
-    notes: Sequence[str],
-    progress: Callable[[int], None] | None,
-    table: CoordinateTable | None = None,
-    postures: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
     architecture: Mapping[str, Architecture] | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> Morph:
     """Complete transferred paths to a morph.
 
-    Paths (`moved`, and `donor` with the same muscles and ligaments of the source) are brought out
-    of bones, muscles get their lengths, and whatever there is to note is noted.
+    Paths are brought out of bones, muscles get their lengths, and whatever there is to note is
+    noted.
     """
+    donor = paths.donor
+    transfers = paths.transfers
     solid = [transfer.bone for transfer in transfers.values()] if options.clear else []
-    moved, points, clearing = cleared(donor, moved, solid, strings.points, table)
-    lengths = path_lengths(donor, moved, paired_postures(donor, moved, table, postures), progress)
-    ratio = moved.mass / source.mass if source.mass > 0.0 else 1.0
-    owners = {muscle.name: muscle for muscle in source.muscles}
-    muscles, changes, unsure = transferred_muscles(
-        moved.muscles, owners, lengths, transfers, options, ratio, architecture
+    moved, points, clearing = cleared(donor, paths.target, solid, paths.lines.points, paths.table)
+    postures = paired_postures(donor, moved, paths.table, paths.postures)
+    lengths = path_lengths(donor, moved, postures, progress)
+    transfer = MuscleTransfer(
+        source=paths.source,
+        target=moved,
+        transfers=transfers,
+        options=options,
+        architecture=architecture or {},
     )
+    muscles, changes, unsure = transfer.muscles(lengths)
     taut = taut_ligaments(
-        _in_posture(donor, postures[0]), _in_posture(moved, postures[1]), default_path_lengths
+        _in_posture(donor, paths.postures[0]),
+        _in_posture(moved, paths.postures[1]),
+        default_path_lengths,
     )
     bones = FrozenMap({body: transfer.bone for body, transfer in transfers.items()})
-    told = (*neighbor_notes(bones), *link_notes(bones), *notes, *strings.notes, *clearing, *unsure)
     return Morph(
-        source=source,
+        source=paths.source,
         model=replace(moved, muscles=muscles, ligaments=taut),
         bones=bones,
         points=points,
         joints=(),
         muscles=changes,
         options=options,
-        notes=(*uncertain_notes(points, transfers), *told),
+        notes=(
+            *uncertain_notes(points, transfers),
+            *neighbor_notes(bones),
+            *link_notes(bones),
+            *paths.notes,
+            *paths.lines.notes,
+            *clearing,
+            *unsure,
+        ),
     )
 
 
@@ -205,115 +243,156 @@ def _check(model: Model, bones: Mapping[str, BoneMap]) -> None:
             raise UnknownName("body", body, model.body_names)
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Graft:
+    """What is known of a skeleton and of the source whose muscles it gets.
+
+    Attributes
+    ----------
+    coordinates : target = factor source + offset; by default those of the same name. Conditional
+        and moving points follow them, and fibers keep the range of normalized lengths over the
+        ranges of these
+    postures : of source and target in which their bones lie alike: virtual links are mapped in
+        them, paths compared
+    surrounding : virtual links, with the bones around each
+    beside : keep the target's own muscles too
+    name : of the new model; by default the target's
+    architecture : known fiber lengths and forces, by the source's names
+    """
+
+    coordinates: CoordinateTable | None = None
+    postures: PosturePair = ({}, {})
+    surrounding: Mapping[str, Sequence[str]] | None = None
+    beside: bool = False
+    name: str = ""
+    architecture: Mapping[str, Architecture] | None = None
+
+
 def graft_muscles(
     source: Model,
     target: Model,
     bones: Mapping[str, BoneMap],
     options: MorphOptions | None = None,
-    *,
-    coordinates: CoordinateTable | None = None,
-    postures: tuple[Mapping[str, float], Mapping[str, float]] = ({}, {}),
-    surrounding: Mapping[str, Sequence[str]] | None = None,
-    beside: bool = False,
-    name: str = "",
-    architecture: Mapping[str, Architecture] | None = None,
-    progress: Callable[[int], None] | None = None,
+    graft: Graft | None = None,
 ) -> Morph:
     """Put the source's muscles, wrap objects and markers on the target's skeleton ([D] chapter 6).
 
     Several bodies of the source may lead to one of the target, where bones are fused. A muscle one
     of whose bodies has no counterpart is left out, and so is a wrap object. Joints, masses and
-    meshes are the target's own. `coordinates`: target = factor source + offset; by default those of
-    the same name; conditional and moving points follow them, and fibers keep the range of
-    normalized lengths over the ranges of these; `postures`: of source and target in which their
-    bones lie alike; virtual links are mapped in them, paths compared; `surrounding`: virtual links,
-    with the bones around each; `beside`: keep the target's own muscles too; `architecture`: known
-    fiber lengths and forces, by the source's names.
+    meshes are the target's own.
     """
     options = options or MorphOptions()
+    graft = graft or Graft()
     _check(source, bones)
-    table = coordinates
-    if table is None:
-        table = {
-            name: (name, 1.0, 0.0)
-            for name in source.coordinate_names
-            if name in target.coordinate_names
-        }
-    transfers = {body: Transfer(bone, bone.target_body) for body, bone in bones.items()}
-    for body in bones:
-        index_of(
-            "body", transfers[body].body, (GROUND, *target.body_names), f"the target of '{body}'"
-        )
-    links = bones_around(source, bones, surrounding)
-    targets = {link: transfers[around[0]].body for link, around in links.items()}
-    standing = standing_poses(source, postures[0]), standing_poses(target, postures[1])
-    transfers |= link_carriers(links, transfers, *standing, targets)
+    table = _same_names(source, target) if graft.coordinates is None else graft.coordinates
+    transfers = _onto(target, bones)
+    links = bones_around(source, bones, graft.surrounding)
+    standing = (
+        standing_poses(source, graft.postures[0]),
+        standing_poses(target, graft.postures[1]),
+    )
+    transfers |= link_carriers(links, transfers, *standing, _first_targets(links, transfers))
     left_out = _left_out(source, transfers)
     muscles, notes = _translated(
         source,
         [muscle for muscle in source.muscles if muscle.name not in left_out],
         transfers,
         table,
-        postures[0],
+        graft.postures[0],
     )
-    ligaments = _whole_ligaments(source, transfers)
-    # The parts of the source's file that the ligaments' forces are in.
-    forces = {(ligament.kind, ligament.name) for ligament in ligaments}
-    kept = tuple(part for part in source.kept if (part.kind, part.name) in forces)
-    known = (*source.coordinates, *target.coordinates)
+    whole = replace(
+        SourceLines.of(source),
+        muscles=tuple(muscles),
+        ligaments=_whole_ligaments(source, transfers),
+        coordinates=(*source.coordinates, *target.coordinates),
+    )
 
     def transferred(by: Transfers) -> tuple[Model, LinesOfAction]:
-        strings = transferred_lines(
-            source, muscles, ligaments, by, known, {}, options.surface_within
-        )
-        further = (
-            mark
-            for mark in source.markers
-            if mark.body in by and mark.name not in target.marker_names
-        )
-        made = replace(
-            target,
-            name=name or target.name,
-            muscles=strings.muscles,
-            ligaments=strings.ligaments,
-            kept=(*target.kept, *kept),
-            wrap_objects=strings.wrap_objects,
-            markers=(*target.markers, *(transferred_marker(marker, by) for marker in further)),
-            warnings=(),
-        )
-        return made, strings
+        lines = transferred_lines(whole, by, {}, options.surface_within)
+        skeleton = replace(target, name=graft.name or target.name)
+        return _with_lines(skeleton, lines, source, by), lines
 
     if options.balance:
-        held = _in_posture(source, postures[0])
         transfers = balanced_links(
-            held, links, transfers, lambda by: _in_posture(transferred(by)[0], postures[1])
+            _in_posture(source, graft.postures[0]),
+            links,
+            transfers,
+            lambda by: _in_posture(transferred(by)[0], graft.postures[1]),
         )
-    moved, strings = transferred(transfers)
-    donor = replace(
-        source, muscles=tuple(source.muscle(muscle.name) for muscle in muscles), ligaments=ligaments
+    moved, lines = transferred(transfers)
+    paths = _TransferredPaths(
+        source=source,
+        donor=replace(
+            source,
+            muscles=tuple(source.muscle(muscle.name) for muscle in muscles),
+            ligaments=whole.ligaments,
+        ),
+        target=moved,
+        lines=lines,
+        transfers=transfers,
+        notes=notes,
+        table=table,
+        postures=graft.postures,
     )
-    morph = _morph(
-        source,
-        donor,
-        moved,
-        strings,
-        transfers,
-        options,
-        notes,
-        progress,
-        table,
-        postures,
-        architecture,
+    morph = _morph(paths, options, graft.architecture)
+    return replace(
+        morph,
+        model=_beside(target, morph.model) if graft.beside else morph.model,
+        left_out=FrozenMap(left_out),
     )
-    grown = morph.model
-    if beside:
-        grown = replace(
-            grown,
-            muscles=(*target.muscles, *grown.muscles),
-            ligaments=(*target.ligaments, *grown.ligaments),
-            wrap_objects=(*target.wrap_objects, *grown.wrap_objects),
-        )
-    return replace(morph, model=grown, left_out=FrozenMap(left_out))
+
+
+def _same_names(source: Model, target: Model) -> CoordinateTable:
+    """Return the table of coordinates that both models have by the same name."""
+    return {
+        name: (name, 1.0, 0.0)
+        for name in source.coordinate_names
+        if name in target.coordinate_names
+    }
+
+
+def _first_targets(links: Mapping[str, Sequence[str]], transfers: Transfers) -> dict[str, str]:
+    """Return the target of the first bone around each virtual link."""
+    return {link: transfers[around[0]].body for link, around in links.items()}
+
+
+def _onto(target: Model, bones: Mapping[str, BoneMap]) -> dict[str, Transfer]:
+    """Return the transfers of bodies onto a target's, which must be there."""
+    known = (GROUND, *target.body_names)
+    for body, bone in bones.items():
+        index_of("body", bone.target_body, known, f"the target of '{body}'")
+    return {body: Transfer(bone, bone.target_body) for body, bone in bones.items()}
+
+
+def _with_lines(target: Model, lines: LinesOfAction, source: Model, by: Transfers) -> Model:
+    """Return the target with transferred paths alone, and the source's further markers."""
+    # The parts of the source's file that the ligaments' forces are in.
+    forces = {(ligament.kind, ligament.name) for ligament in lines.ligaments}
+    kept = (part for part in source.kept if (part.kind, part.name) in forces)
+    further = (
+        marker
+        for marker in source.markers
+        if marker.body in by and marker.name not in target.marker_names
+    )
+    return replace(
+        target,
+        muscles=lines.muscles,
+        ligaments=lines.ligaments,
+        kept=(*target.kept, *kept),
+        wrap_objects=lines.wrap_objects,
+        markers=(*target.markers, *(transferred_marker(marker, by) for marker in further)),
+        warnings=(),
+    )
+
+
+def _beside(target: Model, grown: Model) -> Model:
+    """Put the target's own muscles before those that were transferred."""
+    return replace(
+        grown,
+        muscles=(*target.muscles, *grown.muscles),
+        ligaments=(*target.ligaments, *grown.ligaments),
+        wrap_objects=(*target.wrap_objects, *grown.wrap_objects),
+    )
 
 
 def _in_posture(model: Model, values: Mapping[str, float]) -> Model:

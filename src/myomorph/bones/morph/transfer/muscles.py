@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,93 +68,118 @@ class Growth:
     shift: float
 
 
-def transferred_muscles(
-    muscles: tuple[Muscle, ...],
-    source: Mapping[str, Muscle],
-    lengths: tuple[Array, Array],
-    transfers: Transfers,
-    options: MorphOptions,
-    mass_ratio: float,
-    known_architectures: Mapping[str, Architecture] | None = None,
-) -> tuple[tuple[Muscle, ...], tuple[MuscleChange, ...], list[str]]:
-    """Give muscles the parameters that the target's bones require.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MuscleTransfer:
+    """How muscles get the parameters that the target's bones require.
 
-    Parameters
+    Attributes
     ----------
-    muscles : with paths of the target and parameters of the source
-    source : muscles of the source, by name
-    lengths : (postures, muscles) path lengths of source and target [m]
+    source : model with the muscles
+    target : model with their transferred paths and the source's parameters
     transfers : of the bodies
     options : what is transferred how
-    mass_ratio : target over source
-    known_architectures : fiber lengths and forces, by muscle; tendons of these keep the mean
+    architecture : known fiber lengths and forces, by muscle; tendons of these keep the mean
         normalized fiber length
-
-    Returns
-    -------
-    muscles, what changed in each, and warnings
     """
-    result = []
-    changes = []
-    doubtful = []
-    slack = []
-    for i, muscle in enumerate(muscles):
-        before_length, after_length = lengths
-        before = before_length[:, i]
-        after = after_length[:, i]
-        ratio = float(after[0] / before[0]) if before[0] > 0.0 else 1.0
-        known = (known_architectures or {}).get(muscle.name)
-        growth = Growth(1.0 if options.fibers == "keep" else ratio, 0.0)
-        if known is not None:
-            growth = _given_growth(muscle, before[1:], after[1:], known.fiber)
-            slack += (
-                []
-                if growth.slope * muscle.tendon_slack_length + growth.shift > 0.0
-                else [muscle.name]
-            )
-        elif options.fibers == "range":
-            kept = _range_growth(muscle, before[1:], after[1:], ratio)
-            doubtful += [] if kept else [muscle.name]
-            growth = kept or growth
-        bodies = {point.body for point in source[muscle.name].path.points}
-        changed = with_lengths(muscle, growth)
-        changed = _with_pennation(
-            changed, muscle, options, float(np.mean([transfers[body].size for body in bodies]))
+
+    source: Model
+    target: Model
+    transfers: Transfers
+    options: MorphOptions
+    architecture: Mapping[str, Architecture]
+
+    def muscles(
+        self, lengths: tuple[Array, Array]
+    ) -> tuple[tuple[Muscle, ...], tuple[MuscleChange, ...], list[str]]:
+        """Return the target's muscles with their parameters.
+
+        Parameters
+        ----------
+        lengths : (postures, muscles) path lengths of source and target [m]
+
+        Returns
+        -------
+        muscles, what changed in each, and warnings
+        """
+        owners = {muscle.name: muscle for muscle in self.source.muscles}
+        result = []
+        changes = []
+        doubtful = []
+        slack = []
+        for i, muscle in enumerate(self.target.muscles):
+            before = lengths[0][:, i]
+            after = lengths[1][:, i]
+            ratio = float(after[0] / before[0]) if before[0] > 0.0 else 1.0
+            growth = self._growth(muscle, before[1:], after[1:], ratio)
+            if growth is None:
+                doubtful.append(muscle.name)
+                growth = Growth(ratio, 0.0)
+            tendon = growth.slope * muscle.tendon_slack_length + growth.shift
+            if muscle.name in self.architecture and not tendon > 0.0:
+                slack.append(muscle.name)
+            bodies = {point.body for point in owners[muscle.name].path.points}
+            changed, force = self._changed(muscle, growth, bodies)
+            result.append(changed)
+            change = _change(muscle, changed, before[1:], after[1:], ratio, force)
+            changes.append(self._with_basis(change, muscle.name))
+        return tuple(result), tuple(changes), _unsure(doubtful, slack)
+
+    def _growth(self, muscle: Muscle, before: Array, after: Array, ratio: float) -> Growth | None:
+        """Return how a muscle's lengths change; None where paths (postures,) do not show it.
+
+        `ratio`: of the path in the default posture, target over source.
+        """
+        if muscle.name in self.architecture:
+            fiber = self.architecture[muscle.name].fiber
+            return _given_growth(muscle, before, after, fiber)
+        if self.options.fibers == "range":
+            return _range_growth(muscle, before, after, ratio)
+        return Growth(1.0 if self.options.fibers == "keep" else ratio, 0.0)
+
+    def _changed(self, muscle: Muscle, growth: Growth, bodies: set[str]) -> tuple[Muscle, float]:
+        """Return a muscle after a growth, and its force over the source's."""
+        size = float(np.mean([self.transfers[body].size for body in bodies]))
+        changed = _with_pennation(with_lengths(muscle, growth), muscle, self.options, size)
+        known = self.architecture.get(muscle.name)
+        if known is None:
+            mass = self.source.mass
+            mass_ratio = self.target.mass / mass if mass > 0.0 else 1.0
+            force = _force_ratio(self.options, self.transfers, bodies, growth.slope, mass_ratio)
+            return _with_force(changed, force, growth.slope), force
+        strength = muscle.max_isometric_force
+        force = known.force / strength if strength > 0.0 else 1.0
+        changed = replace(changed, tendon_slack_length=max(changed.tendon_slack_length, 0.0))
+        if known.pennation is not None:
+            pennation = min(known.pennation, float(GREATEST_PENNATION))
+            changed = replace(changed, pennation_at_optimal=pennation)
+        return _with_force(changed, force, growth.slope), force
+
+    def _with_basis(self, change: MuscleChange, muscle: str) -> MuscleChange:
+        """Add the basis and the intervals of a muscle's known architecture, where it has one."""
+        known = self.architecture.get(muscle)
+        if known is None:
+            return change
+        return replace(
+            change,
+            basis=known.basis,
+            fiber_interval=known.fiber_interval,
+            force_interval=known.force_interval,
         )
-        force = _force_ratio(options, transfers, bodies, growth.slope, mass_ratio)
-        if known is not None:
-            force = (
-                known.force / muscle.max_isometric_force
-                if muscle.max_isometric_force > 0.0
-                else 1.0
-            )
-            changed = replace(changed, tendon_slack_length=max(changed.tendon_slack_length, 0.0))
-            if known.pennation is not None:
-                changed = replace(
-                    changed, pennation_at_optimal=min(known.pennation, float(GREATEST_PENNATION))
-                )
-        changed = _with_force(changed, force, growth.slope)
-        result.append(changed)
-        change = _change(muscle, changed, before[1:], after[1:], ratio, force)
-        if known is not None:
-            change = replace(
-                change,
-                basis=known.basis,
-                fiber_interval=known.fiber_interval,
-                force_interval=known.force_interval,
-            )
-        changes.append(change)
-    notes = (
-        [f"paths do not tell fiber from tendon, both grow with the path: {quoted(doubtful)}"]
-        if doubtful
-        else []
-    )
+
+
+def _unsure(doubtful: Sequence[str], slack: Sequence[str]) -> list[str]:
+    """Warn of muscles whose fibers and tendons paths do not show, or that have no tendon left."""
+    notes = []
+    if doubtful:
+        notes.append(
+            f"paths do not tell fiber from tendon, both grow with the path: {quoted(doubtful)}"
+        )
     if slack:
         notes.append(
             "paths are shorter than the fibers of the species' tables: no tendon is left:"
             f" {quoted(slack)}"
         )
-    return tuple(result), tuple(changes), notes
+    return notes
 
 
 def normalized_lengths(muscle: Muscle, lengths: Array) -> Array:

@@ -190,14 +190,35 @@ class LinesOfAction:
     notes: tuple[str, ...]
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SourceLines:
+    """Lines of action to be transferred.
+
+    Attributes
+    ----------
+    muscles, ligaments : whose paths they are
+    wrap_objects : that they may go around
+    coordinates : that conditional and moving points may depend on
+    """
+
+    muscles: tuple[Muscle, ...]
+    ligaments: tuple[Ligament, ...]
+    wrap_objects: tuple[WrapObject, ...]
+    coordinates: tuple[Coordinate, ...]
+
+    @staticmethod
+    def of(model: Model) -> SourceLines:
+        """Return all lines of action of a model."""
+        return SourceLines(
+            muscles=model.muscles,
+            ligaments=model.ligaments,
+            wrap_objects=model.wrap_objects,
+            coordinates=model.coordinates,
+        )
+
+
 def transferred_lines(
-    source: Model,
-    muscles: Iterable[Muscle],
-    ligaments: Iterable[Ligament],
-    transfers: Transfers,
-    coordinates: Iterable[Coordinate],
-    travel: Mapping[str, float],
-    within: float,
+    source: SourceLines, transfers: Transfers, travel: Mapping[str, float], within: float
 ) -> LinesOfAction:
     """Transfer paths by the maps of the bodies that their points are fixed to.
 
@@ -205,22 +226,21 @@ def transferred_lines(
     that slides goes in the target; `within`: distance from the surface up to which a point belongs
     to it, as a share of the bone's length.
     """
-    muscles = tuple(muscles)
-    ligaments = tuple(ligaments)
     wraps = {
         wrap.name: (wrap, transferred_wrap(wrap, transfers[wrap.body]))
         for wrap in source.wrap_objects
         if wrap.body in transfers
     }
-    setting = Setting({coordinate.name: coordinate for coordinate in coordinates}, travel, wraps)
-    strings: list[Muscle | Ligament] = [*muscles, *ligaments]
+    coordinates = {coordinate.name: coordinate for coordinate in source.coordinates}
+    setting = Setting(coordinates, travel, wraps)
+    strings: list[Muscle | Ligament] = [*source.muscles, *source.ligaments]
     owned = [(string.name, string.path) for string in strings]
     moved, points, notes = transferred_paths(owned, transfers, setting, within)
-    wraps, smaller = points_left_outside(muscles, points, wraps)
+    wraps, smaller = points_left_outside(source.muscles, points, wraps)
     paths = iter(moved)
     return LinesOfAction(
-        muscles=tuple(replace(muscle, path=next(paths)) for muscle in muscles),
-        ligaments=tuple(replace(ligament, path=next(paths)) for ligament in ligaments),
+        muscles=tuple(replace(muscle, path=next(paths)) for muscle in source.muscles),
+        ligaments=tuple(replace(ligament, path=next(paths)) for ligament in source.ligaments),
         wrap_objects=tuple(after for _, after in wraps.values()),
         points=points,
         notes=(*notes, *smaller),

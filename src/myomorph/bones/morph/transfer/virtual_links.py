@@ -318,7 +318,7 @@ def _stated_links(
     return result
 
 
-def surrounded_map(
+def _surrounded_map(
     link: str,
     there: str,
     around: Sequence[str],
@@ -390,7 +390,7 @@ def link_carriers(
     """
     return {
         link: Transfer(
-            surrounded_map(link, targets[link], around, transfers, source, target), targets[link]
+            _surrounded_map(link, targets[link], around, transfers, source, target), targets[link]
         )
         for link, around in links.items()
     }
