@@ -33,7 +33,13 @@ from myomorph.swings.simulate.laboratory import (
     write_scans,
     write_swing_c3d,
 )
-from myomorph.swings.simulate.shoulder import PLATE, VirtualSpecimen, arm_specimen, virtual_specimen
+from myomorph.swings.simulate.shoulder import (
+    PLATE,
+    Setup,
+    VirtualSpecimen,
+    arm_specimen,
+    virtual_specimen,
+)
 from myomorph.swings.viscosity.study.calibration import PlateFiles, calibrate, read_picks
 
 pytest.importorskip("myo_sim")
@@ -41,7 +47,9 @@ pytest.importorskip("myo_sim")
 
 @pytest.fixture(scope="module")
 def made() -> VirtualSpecimen:
-    return virtual_specimen(1, seconds=1.0, trials=1, noise=Noise(0.0, 0.0, offset=0.0131))
+    return virtual_specimen(
+        1, seconds=1.0, trials=1, setup=Setup(noise=Noise(0.0, 0.0, offset=0.0131))
+    )
 
 
 def plate_of(made: VirtualSpecimen) -> VirtualPlate:

@@ -28,6 +28,7 @@ from myomorph.swings.simulate.shoulder import (
     FIRST,
     FURTHER,
     HELD,
+    Setup,
     VirtualSpecimen,
     arm_model,
     arm_specimen,
@@ -146,7 +147,7 @@ def test_wrench_on_the_base_holds_what_tendons_pull(made: VirtualSpecimen) -> No
 
 
 def test_muscles_of_full_size_need_less_viscosity() -> None:
-    made = virtual_specimen(1, seconds=3.0, trials=1, full_size=True)
+    made = virtual_specimen(1, seconds=3.0, trials=1, setup=Setup(full_size=True))
     assert made.factor == 1.0
     assert made.muscle_viscosity < 0.1 * made.published.muscle_viscosity
     assert made.intact.viscosity == pytest.approx(made.published.total_viscosity, rel=1e-3)
@@ -155,7 +156,7 @@ def test_muscles_of_full_size_need_less_viscosity() -> None:
 def test_clocks_differ_and_noise_is_as_stated(made: VirtualSpecimen) -> None:
     assert abs(made.noise.offset) > 1e-3
     assert made.noise.drift != 0.0
-    still = virtual_specimen(2, seconds=1.0, trials=1, noise=Noise(0.0, 0.0))
+    still = virtual_specimen(2, seconds=1.0, trials=1, setup=Setup(noise=Noise(0.0, 0.0)))
     base = still.without.trials[0].markers.values[:, :3]
     assert np.ptp(base, axis=0).max() == 0.0
     noise = made.without.trials[0].markers.values[:, :3]

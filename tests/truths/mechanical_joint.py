@@ -27,6 +27,7 @@ from myomorph.core.model.inertia import inertia_matrices
 from myomorph.core.model.spatial import axis_rotation
 from myomorph.swings.simulate.laboratory import (
     SENSORS,
+    Instruments,
     Noise,
     Sampled,
     VirtualTrial,
@@ -356,6 +357,7 @@ def mechanical_joint(
         compiled.qpos_spring[:] = Rotation.from_rotvec(slack).as_quat(scalar_first=True)
     compiled.dof_frictionloss[:] = friction
     at_base = {name: CENTER + place for name, place in BASE_MARKERS.items()}
+    instruments = Instruments(noise, random)
     made = []
     for number in range(trials):
         start, rates = _release(truth, swing, spin, random)
@@ -364,8 +366,8 @@ def mechanical_joint(
         made.append(
             VirtualTrial(
                 name=f"release {number + 1}",
-                markers=measured_markers(exact, CENTER, at_base, LIMB_MARKERS, noise, random),
-                wrenches=measured_wrench(exact, CENTER, PLATE, "base", noise, random),
+                markers=measured_markers(exact, CENTER, at_base, LIMB_MARKERS, instruments),
+                wrenches=measured_wrench(exact, CENTER, PLATE, "base", instruments),
                 exact=exact,
             )
         )

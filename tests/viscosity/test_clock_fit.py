@@ -12,7 +12,7 @@ import pytest
 from myomorph.core.model.errors import BadData
 from myomorph.core.motion.clocks import ClockOptions
 from myomorph.core.motion.splines import natural_spline
-from myomorph.swings.viscosity.swings.plate import wrench_clock
+from myomorph.swings.viscosity.swings.plate import WrenchFit, wrench_clock
 
 PENDULUM = """
 <mujoco><option timestep="0.0005" integrator="RK4"/><worldbody><body>
@@ -151,7 +151,11 @@ def test_a_swing_without_motion_is_refused(truth):
     time, rows, own, wrench = recorded(truth, 0.0, 0.0, 0)
     with pytest.raises(BadData, match="do not explain each other"):
         wrench_clock(
-            time, np.broadcast_to(rows[:1], rows.shape), own, wrench, ClockOptions(cutoff=3.0)
+            time,
+            np.broadcast_to(rows[:1], rows.shape),
+            own,
+            wrench,
+            WrenchFit(options=ClockOptions(cutoff=3.0)),
         )
     with pytest.raises(BadData, match=r"expected rows \(frames, 6"):
         wrench_clock(time, rows[:, :3], own, wrench)

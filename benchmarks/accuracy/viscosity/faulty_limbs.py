@@ -27,13 +27,14 @@ from benchmarks.accuracy.viscosity.handling import (
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.series import Wrenches
 from myomorph.swings.simulate.laboratory import (
+    Instruments,
     Noise,
     Sampled,
     measured_markers,
     measured_wrench,
     simulate,
 )
-from myomorph.swings.simulate.limb import BaseLoad, HeldLimb, fixed_points, swing_mjcf
+from myomorph.swings.simulate.limb import BaseLoad, HeldLimb, SwungLimb, fixed_points
 from myomorph.swings.simulate.shoulder import (
     BASE,
     FIRST,
@@ -404,25 +405,27 @@ def _swings(setup: _Setup, condition: _Condition) -> list[_Swing]:
     tissue = condition.tissue
     rest = hanging(limb, condition.parameters) if gimbal is None else gimbal.rest
     states = _start_states(setup, tissue, rest)
-    text = {
-        "limb": limb,
-        "parameters": condition.parameters,
-        "stand": limb.specimen.stand,
-        "rest": rest,
-        "damping": setup.damping,
-        "muscle": condition.muscle,
-        "loose": "",
-        "load": condition.load,
-        "joint": "" if gimbal is None else gimbal.mjcf,
-    }
+    swung = SwungLimb(
+        limb=limb,
+        parameters=condition.parameters,
+        stand=limb.specimen.stand,
+        rest=rest,
+        damping=setup.damping,
+        muscle=condition.muscle,
+        load=condition.load,
+        joint="" if gimbal is None else gimbal.mjcf,
+    )
     if tissue is not None:
-        text["parameters"] = condition.parameters - tissue.parameters
-        text["loose"] = tissue.mjcf(rest.T @ np.asarray(limb.specimen.model.gravity))
+        swung = replace(
+            swung,
+            parameters=condition.parameters - tissue.parameters,
+            loose=tissue.mjcf(rest.T @ np.asarray(limb.specimen.model.gravity)),
+        )
     if setup.faults.sway > 0.0 and condition.load is not None:
         clamp = Clamp(limb, condition.parameters, condition.load)
-        swings = clamp.swings(text, states, setup.faults.sway, SECONDS, STEP)
+        swings = clamp.swings(swung, states, setup.faults.sway, SECONDS, STEP)
         return [_Swing(exact=exact, clamp=clamp, turns=turns) for exact, turns in swings]
-    compiled = mujoco.MjModel.from_xml_string(swing_mjcf(**text))
+    compiled = mujoco.MjModel.from_xml_string(swung.mjcf)
     compiled.dof_frictionloss[:3] = setup.faults.friction
     if setup.faults.axes:
         compiled.dof_damping[:3] = setup.faults.axes
@@ -462,8 +465,8 @@ def _measured(setup: _Setup, swing: _Swing, name: str, random: np.random.Generat
     at_base = {
         marker: center + specimen.stand.rotation @ place for marker, place in on_base.items()
     }
-    noise = setup.faults.instruments
-    markers = measured_markers(exact, center, at_base, on_limb, noise, random)
+    instruments = Instruments(setup.faults.instruments, random)
+    markers = measured_markers(exact, center, at_base, on_limb, instruments)
     if swing.clamp is not None:
         frames = np.searchsorted(exact.time, markers.time - 1e-9)
         markers = swing.clamp.moved(markers, swing.turns[frames], center, len(on_base))
@@ -478,8 +481,8 @@ def _on_plate(setup: _Setup, exact: Sampled, random: np.random.Generator) -> Wre
     faults = setup.faults
     specimen = setup.limb.specimen
     center = specimen.center_in_ground
-    noise = faults.instruments
-    wrenches = measured_wrench(exact, center, center + PLATE, specimen.base, noise, random)
+    instruments = Instruments(faults.instruments, random)
+    wrenches = measured_wrench(exact, center, center + PLATE, specimen.base, instruments)
     turn = Rotation.from_rotvec(faults.turn).as_matrix()
     return replace(
         wrenches,

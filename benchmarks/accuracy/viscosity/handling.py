@@ -16,7 +16,7 @@ from myomorph.core.io.mjcf.write import text
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.series import Markers
 from myomorph.swings.simulate.laboratory import Sampled, sampled
-from myomorph.swings.simulate.limb import BaseLoad, HeldLimb, swing_mjcf
+from myomorph.swings.simulate.limb import BaseLoad, HeldLimb, SwungLimb
 from myomorph.swings.viscosity.trust.law import hinge_slopes
 
 ANCHOR = (-0.055, 0.0, -0.06)
@@ -158,7 +158,7 @@ class Clamp:
 
     def swings(
         self,
-        text: dict[str, object],
+        swung: SwungLimb,
         starts: list[tuple[Array, Array]],
         sway: float,
         seconds: float,
@@ -170,7 +170,7 @@ class Clamp:
 
         Parameters
         ----------
-        text : arguments of `swing_mjcf`
+        swung : the limb; its clamp is replaced
         starts : positions and velocities of each swing at its start
         sway : between the extremes of the base [rad]
         seconds : of each swing
@@ -183,8 +183,8 @@ class Clamp:
         stiffness = STIFF
         for _ in range(SEARCHED):
             compiled = mujoco.MjModel.from_xml_string(
-                swing_mjcf(**text, clamp=self.mjcf(stiffness))
-            )  # type: ignore[arg-type]
+                replace(swung, clamp=self.mjcf(stiffness)).mjcf
+            )
             compiled.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
             compiled.opt.timestep = step
             swings = [_rolled(compiled, *start, seconds, step) for start in starts]

@@ -26,9 +26,9 @@ SLIP = {"elbow_flexion_r": np.deg2rad(5.0)}
 def _virtual() -> Any:
     """Specimen 1 of [S]: three releases without muscles, an exact plate on the markers' clock."""
     from myomorph.swings.simulate.laboratory import Noise
-    from myomorph.swings.simulate.shoulder import virtual_specimen
+    from myomorph.swings.simulate.shoulder import Setup, virtual_specimen
 
-    return virtual_specimen(1, seconds=SECONDS, noise=Noise(0.0, 0.0, 0.0))
+    return virtual_specimen(1, seconds=SECONDS, setup=Setup(noise=Noise(0.0, 0.0, 0.0)))
 
 
 def _trials(
@@ -38,7 +38,7 @@ def _trials(
 
     The truth of each trial is returned too. `slip` is added to what the wires hold [rad].
     """
-    from myomorph.swings.simulate.laboratory import Noise, measured_markers
+    from myomorph.swings.simulate.laboratory import Instruments, Noise, measured_markers
     from myomorph.swings.simulate.limb import HeldLimb, with_clusters
     from myomorph.swings.simulate.shoulder import HELD
     from myomorph.swings.viscosity.specimen.model import SwingTrial
@@ -54,7 +54,9 @@ def _trials(
     trials = [
         SwingTrial(
             one.name,
-            measured_markers(one.exact, center, at_base, on_limb, Noise(marker=noise), random),
+            measured_markers(
+                one.exact, center, at_base, on_limb, Instruments(Noise(marker=noise), random)
+            ),
             one.wrenches,
         )
         for one in virtual.without.trials

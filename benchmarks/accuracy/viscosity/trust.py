@@ -16,8 +16,13 @@ from scipy.spatial.transform import Rotation
 
 import myomorph as mm
 from myomorph.core.model.paths import PathPoint
-from myomorph.swings.simulate.laboratory import measured_markers, measured_wrench, simulate
-from myomorph.swings.simulate.shoulder import virtual_specimen
+from myomorph.swings.simulate.laboratory import (
+    Instruments,
+    measured_markers,
+    measured_wrench,
+    simulate,
+)
+from myomorph.swings.simulate.shoulder import Setup, virtual_specimen
 from myomorph.swings.viscosity.identification.identify import (
     SpecimenViscosity,
     ViscosityOptions,
@@ -156,7 +161,7 @@ def measure_attachments() -> Iterator[Row]:
 
     Offsets of its moment arms are tried instead.
     """
-    made = virtual_specimen(1, full_size=True, trials=2, seconds=8.0)
+    made = virtual_specimen(1, trials=2, seconds=8.0, setup=Setup(full_size=True))
     tracked = [track(made.specimen, one.swing_trials()) for one in (made.without, made.intact)]
     without, intact = [swing_recordings(one, CUTOFF) for one in tracked]
     found = identify_specimen("1", without, intact, options=ViscosityOptions(draws=2))
@@ -251,8 +256,9 @@ def rubbing_joint(truth: Resistance, seed: int) -> VirtualJoint:
         exact = simulate(
             compiled, angle, joint.truth.directions @ rates, float(one.exact.time[-1]), STEP
         )
-        markers = measured_markers(exact, CENTER, base, LIMB_MARKERS, joint.noise, random)
-        wrench = measured_wrench(exact, CENTER, PLATE, "base", joint.noise, random)
+        instruments = Instruments(joint.noise, random)
+        markers = measured_markers(exact, CENTER, base, LIMB_MARKERS, instruments)
+        wrench = measured_wrench(exact, CENTER, PLATE, "base", instruments)
         trials.append(replace(one, markers=markers, wrenches=wrench, exact=exact))
     return replace(joint, trials=tuple(trials))
 

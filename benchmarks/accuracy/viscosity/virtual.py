@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from myomorph.core.model.interval import Interval
+from myomorph.swings.simulate.shoulder import Setup
 
 Row = dict[str, object]
 
@@ -153,7 +154,7 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     )
 
     number, full_size = given
-    made = virtual_specimen(number, full_size=full_size)
+    made = virtual_specimen(number, setup=Setup(full_size=full_size))
     specimen = made.specimen
     tracked = [track(specimen, one.swing_trials()) for one in (made.without, made.intact)]
     cutoff = choose_cutoff(tracked).cutoff

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -27,6 +27,7 @@ from myomorph.swings.viscosity.trust.cutoff import FilterOptions
 
 if TYPE_CHECKING:
     from myomorph.lab.store.outcome import Outcome
+    from myomorph.swings.viscosity.study.plan import ViscosityPlan
 
 # Notes of a specimen that are printed; findings come first, clocks that were set right stay out.
 MAX_NOTES = 4
@@ -35,36 +36,18 @@ ViscositySettings = options_class(FilterOptions, TrackingOptions, ViscosityOptio
 
 
 SwingInputs = inputs_class("time")
+StudyFile = Annotated[
+    Path, Parameter(help="Study file (.toml) of one or more specimens, or of relaxed limbs.")
+]
 
 
 @documented
-def viscosity_command(
-    study: Path | None = None,
-    /,
-    *,
-    out: Path | None = None,
-    template: Path | None = None,
-    into: Path | None = None,
-    results: Path | None = None,
-    model: Path | None = None,
-    intact: tuple[Path, ...] = (),
-    removed: tuple[Path, ...] = (),
-    intact_loads: tuple[Path, ...] = (),
-    removed_loads: tuple[Path, ...] = (),
-    base: str | None = None,
-    first: Annotated[str | None, Parameter(name="--first-body")] = None,
-    muscle_mass: float | None = None,
-    inputs: SwingInputs | None = None,  # type: ignore[valid-type]
-    options: ViscositySettings | None = None,  # type: ignore[valid-type]
-    running: RunOptions = AS_USUAL,
-) -> int:
-    """Identify viscosity of a joint and its muscles from swings of a limb on a force plate.
+@dataclass(frozen=True, kw_only=True)
+class SwingFlags:
+    """Files of a study of swings, of one specimen, or of a model that gets its viscosities.
 
-    The limb swings with and without muscles, or is a relaxed living one that is dropped.
-
-    Parameters
+    Attributes
     ----------
-    study : study file (.toml) of one or more specimens, or of relaxed limbs
     out : folder to write; it is made where it does not exist. With --into, the model
     template : write a study file with every key into this folder, and end
     into : model (.osim or .xml) to write as --out with the viscosities of the specimen in --results
@@ -79,62 +62,92 @@ def viscosity_command(
     first : first body of the limb; the humerus by default
     muscle_mass : of the removed muscles, as weighed [kg]
     """
-    from myomorph.lab.study.inputs.time_span import TimeSpan
-    from myomorph.swings.viscosity.study.into_model import write_identified
-    from myomorph.swings.viscosity.study.plan import (
-        GivenSpecimen,
-        fixed_plan,
-        read_viscosity_plan,
-    )
-    from myomorph.swings.viscosity.study.recordings import GivenFiles
-    from myomorph.swings.viscosity.study.run import graph_of, run_viscosity
-    from myomorph.swings.viscosity.study.specimen_step import read_specimen
-    from myomorph.swings.viscosity.study.template import write_template
 
-    if template is not None:
-        said(f"template: {write_template(template)}")
-        return 0
-    if out is None:
-        raise BadData("give --out, the folder to write, or --template for a study file to fill in")
-    if into is not None:
-        if results is None:
-            raise BadData(
-                "--into needs --results, the folder of a specimen in the results of swings"
-            )
-        for line in (
-            *write_identified(into, read_specimen(results), out, base, first),
-            f"wrote {out}",
-        ):
-            said(line)
-        return 0
-    running.begin()
-    study = None if study is None else running.place(study)
-    out = running.place(out)
-    time = inputs_of_flags(inputs).or_default(TimeSpan).time
-    if study is not None:
-        plan = read_viscosity_plan(study)
-        if model is not None or intact or removed:
+    out: Path | None = None
+    template: Path | None = None
+    into: Path | None = None
+    results: Path | None = None
+    model: Path | None = None
+    intact: tuple[Path, ...] = ()
+    removed: tuple[Path, ...] = ()
+    intact_loads: tuple[Path, ...] = ()
+    removed_loads: tuple[Path, ...] = ()
+    base: str | None = None
+    first: Annotated[str | None, Parameter(name="--first-body")] = None
+    muscle_mass: float | None = None
+
+    def plan(self, options: Any, time: tuple[float, float] | None) -> ViscosityPlan:
+        """Return the plan of one specimen; raises `BadData`.
+
+        `time`: part of the recordings [s].
+        """
+        from myomorph.swings.viscosity.study.plan import GivenSpecimen, fixed_plan
+        from myomorph.swings.viscosity.study.recordings import GivenFiles
+
+        specimen = GivenSpecimen(
+            model=self.model,
+            recordings={
+                "without": GivenFiles(self.removed, self.removed_loads),
+                "with": GivenFiles(self.intact, self.intact_loads),
+            },
+            base=self.base,
+            first=self.first,
+            muscle_mass=self.muscle_mass,
+            time=time,
+        )
+        return fixed_plan(specimen, settings_dict(options))
+
+    def check_study(self, options: Any) -> None:
+        """Refuse what a study file states itself; raises `BadData`."""
+        if self.model is not None or self.intact or self.removed:
             raise BadData("give a study file, or --model with --intact and --removed, but not both")
-        given: Any = options
-        for option in () if given is None else fields(given):
-            if getattr(given, option.name) != option.default:
+        for option in () if options is None else fields(options):
+            if getattr(options, option.name) != option.default:
                 name = option.name.replace("_", "-")
                 raise BadData(
                     f"--{name} is for --model: write it into the table [options] of the study file"
                 )
+
+
+SwingOptions = Annotated[SwingFlags, Parameter(name="*")]
+NO_FILES = SwingFlags()
+
+
+@documented
+def viscosity_command(
+    study: StudyFile | None = None,
+    /,
+    *,
+    files: SwingOptions = NO_FILES,
+    inputs: SwingInputs | None = None,  # type: ignore[valid-type]
+    options: ViscositySettings | None = None,  # type: ignore[valid-type]
+    running: RunOptions = AS_USUAL,
+) -> int:
+    """Identify viscosity of a joint and its muscles from swings of a limb on a force plate.
+
+    The limb swings with and without muscles, or is a relaxed living one that is dropped.
+    """
+    from myomorph.lab.study.inputs.time_span import TimeSpan
+    from myomorph.swings.viscosity.study.plan import read_viscosity_plan
+    from myomorph.swings.viscosity.study.run import graph_of, run_viscosity
+    from myomorph.swings.viscosity.study.template import write_template
+
+    if files.template is not None:
+        said(f"template: {write_template(files.template)}")
+        return 0
+    if files.out is None:
+        raise BadData("give --out, the folder to write, or --template for a study file to fill in")
+    if files.into is not None:
+        return _write_into(files.into, files.out, files)
+    running.begin()
+    study = None if study is None else running.place(study)
+    out = running.place(files.out)
+    time = inputs_of_flags(inputs).or_default(TimeSpan).time
+    if study is None:
+        plan = files.plan(options, time)
     else:
-        given_specimen = GivenSpecimen(
-            model=model,
-            recordings={
-                "without": GivenFiles(removed, removed_loads),
-                "with": GivenFiles(intact, intact_loads),
-            },
-            base=base,
-            first=first,
-            muscle_mass=muscle_mass,
-            time=time,
-        )
-        plan = fixed_plan(given_specimen, settings_dict(options))
+        plan = read_viscosity_plan(study)
+        files.check_study(options)
     for remark in plan.remarks:
         said(remark)
     jobs = len(plan.specimens) + len(plan.limbs)
@@ -144,6 +157,20 @@ def viscosity_command(
     graph_of(plan, out)
     hands = running.hands(jobs, out)
     return ended(run_viscosity(plan, out, print_specimen, fresh=running.fresh, workers=hands), out)
+
+
+def _write_into(model: Path, out: Path, files: SwingFlags) -> int:
+    """Write a model with the viscosities of a specimen in results; the exit status."""
+    from myomorph.swings.viscosity.study.into_model import write_identified
+    from myomorph.swings.viscosity.study.specimen_step import read_specimen
+
+    if files.results is None:
+        raise BadData("--into needs --results, the folder of a specimen in the results of swings")
+    specimen = read_specimen(files.results)
+    for line in write_identified(model, specimen, out, files.base, files.first):
+        said(line)
+    said(f"wrote {out}")
+    return 0
 
 
 def ended(outcomes: Sequence[Outcome], out: Path) -> int:

@@ -22,6 +22,7 @@ from myomorph.swings.simulate.shoulder import (
     FIRST,
     FURTHER,
     PLATE,
+    Setup,
     VirtualSpecimen,
     arm_model,
     virtual_specimen,
@@ -101,8 +102,7 @@ def write_shoulder_study(
                 number,
                 seconds=seconds,
                 trials=trials,
-                full_size=full_size,
-                loads=base_loads(number),
+                setup=Setup(full_size=full_size, loads=base_loads(number)),
             )
             table = _write_specimen(specimen, folder, number in raw, modelled)
             advance(1.0)

@@ -171,13 +171,20 @@ def matrices(quaternions: Array) -> Array:
     return Rotation.from_quat(quaternions, scalar_first=True).as_matrix()
 
 
+@dataclass(frozen=True, eq=False)
+class Instruments:
+    """Cameras and a plate with their noise, and the generator that it is drawn from."""
+
+    noise: Noise
+    random: np.random.Generator
+
+
 def measured_markers(
     exact: Sampled,
     center: Array,
     base: Mapping[str, Array],
     limb: Mapping[str, Array],
-    noise: Noise,
-    random: np.random.Generator,
+    instruments: Instruments,
 ) -> Markers:
     """Return markers of base and limb as cameras measure them, with noise.
 
@@ -187,8 +194,7 @@ def measured_markers(
     center : (3,) of the joint, in ground [m]
     base : (3,) markers at rest, in ground, by name [m]
     limb : (3,) markers on the limb, from the joint's center in its axes, by name [m]
-    noise : of the instruments
-    random : generator of the noise
+    instruments : with their noise
 
     Returns
     -------
@@ -198,18 +204,12 @@ def measured_markers(
     fixed = np.broadcast_to(np.array(list(base.values())), (len(seen.time), len(base), 3))
     moving = center + np.einsum("fij,mj->fmi", seen.rotations, np.array(list(limb.values())))
     places = np.concatenate([fixed, moving], axis=1)
-    return Markers(
-        seen.time, (*base, *limb), places + noise.marker * random.standard_normal(places.shape)
-    )
+    errors = instruments.noise.marker * instruments.random.standard_normal(places.shape)
+    return Markers(seen.time, (*base, *limb), places + errors)
 
 
 def measured_wrench(
-    exact: Sampled,
-    center: Array,
-    plate: Array,
-    body: str,
-    noise: Noise,
-    random: np.random.Generator,
+    exact: Sampled, center: Array, plate: Array, body: str, instruments: Instruments
 ) -> Wrenches:
     """Return the wrench on a body as the plate measures it on its own clock.
 
@@ -219,13 +219,14 @@ def measured_wrench(
     center : (3,) of the joint, in ground [m]
     plate : (3,) origin of the plate, about which the moment is taken, in ground [m]
     body : that the wrench acts on
-    noise : of the instruments
-    random : generator of the noise
+    instruments : with their noise
 
     Returns
     -------
     force and moment at the plate's origin
     """
+    noise = instruments.noise
+    random = instruments.random
     scale = 1.0 + noise.drift
     first = noise.offset + scale * exact.time[0]
     last = noise.offset + scale * exact.time[-1]
@@ -237,13 +238,12 @@ def measured_wrench(
     force = wrench[:, 3:] + noise.force * random.standard_normal((len(true), 3))
     moment = wrench[:, :3] + np.cross(center - plate, wrench[:, 3:])
     moment += noise.force * noise.lever * random.standard_normal(moment.shape)
-    points = np.broadcast_to(plate, (len(true), 1, 3))
     return Wrenches(
         time=clock,
         names=("plate",),
         bodies=(body,),
         forces=force[:, None],
-        points=points,
+        points=np.broadcast_to(plate, (len(true), 1, 3)),
         torques=moment[:, None],
     )
 

@@ -233,54 +233,53 @@ def tendon_wraps(muscle: Muscle) -> tuple[TendonWrap, ...]:
     return wraps
 
 
-def swing_mjcf(
-    limb: HeldLimb,
-    parameters: Array,
-    stand: Transform,
-    rest: Array,
-    damping: float,
-    muscle: float,
-    load: BaseLoad | None = None,
-    loose: str = "",
-    clamp: str = "",
-    joint: str = "",
-) -> str:
-    """Write a limb on a base as MJCF, with its muscles as tendons where `muscle` is positive.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SwungLimb:
+    """A limb that swings on a base.
 
-    Parameters
+    Attributes
     ----------
     limb : in its held pose
     parameters : (10,) inertial, of the limb in its frame, [D] order
     stand : pose of the base in ground
     rest : (3, 3) of the limb in ground at which the ball's angles are zero
     damping : of the ball joint, the same about every axis [N m s/rad]
-    muscle : viscosity of every muscle [N s/m]
+    muscle : viscosity of every muscle [N s/m]; muscles are tendons where it is positive
     load : on the base
     loose : bodies on the limb that `parameters` do not include
     clamp : joints by which the base gives way against the plate, none where it is fixed
     joint : in place of the ball
-
-    Returns
-    -------
-    MJCF
     """
-    specimen = limb.specimen
-    center = stand.apply(specimen.center)
-    inside, paths = _muscles_mjcf(specimen.model, limb.centered) if muscle > 0.0 else ({}, {})
-    on_base = "".join(inside.pop(specimen.base, [])) + (
-        "" if load is None else load.mjcf(specimen.center)
-    )
-    on_limb = "".join(part for parts in inside.values() for part in parts)
-    tendons = "".join(
-        f'<spatial name="{name}" damping="{muscle!r}">{path}</spatial>'
-        for name, path in paths.items()
-    )
-    speeds = "".join(f'<tendonvel name="{name}" tendon="{name}"/>' for name in paths) + "</sensor>"
-    clamped = f'<body name="clamped">{clamp}' if clamp else ""
-    unclamped = "</body>" if clamp else ""
-    tendons = f"<tendon>{tendons}</tendon>" if tendons else ""
-    ball = f'<joint name="joint" type="ball" damping="{damping!r}"/>'
-    return f"""<mujoco model="virtual specimen">
+
+    limb: HeldLimb
+    parameters: Array
+    stand: Transform
+    rest: Array
+    damping: float
+    muscle: float
+    load: BaseLoad | None = None
+    loose: str = ""
+    clamp: str = ""
+    joint: str = ""
+
+    @property
+    def mjcf(self) -> str:
+        """The limb as MJCF."""
+        specimen = self.limb.specimen
+        center = self.stand.apply(specimen.center)
+        inside: dict[str, list[str]] = {}
+        paths: dict[str, str] = {}
+        if self.muscle > 0.0:
+            inside, paths = _muscles_mjcf(specimen.model, self.limb.centered)
+        on_base = "".join(inside.pop(specimen.base, [])) + (
+            "" if self.load is None else self.load.mjcf(specimen.center)
+        )
+        on_limb = "".join(part for parts in inside.values() for part in parts)
+        clamped = f'<body name="clamped">{self.clamp}' if self.clamp else ""
+        unclamped = "</body>" if self.clamp else ""
+        ball = f'<joint name="joint" type="ball" damping="{self.damping!r}"/>'
+        tendons, sensors = _tendons_mjcf(paths, self.muscle)
+        return f"""<mujoco model="virtual specimen">
   <option gravity="{text(specimen.model.gravity)}"/>
   <default><geom contype="0" conaffinity="0" mass="0" group="4"/><site size="0.002" group="4"/>\
 </default>
@@ -288,19 +287,30 @@ def swing_mjcf(
     <body name="base" pos="{text(center)}">
       <site name="plate"/>
       {clamped}
-      <body name="scapula" quat="{text(quaternion(stand.rotation))}">{on_base}</body>
-      <body name="limb" quat="{text(quaternion(rest))}">
-        {joint or ball}
-        {inertial(parameters)}
+      <body name="scapula" quat="{text(quaternion(self.stand.rotation))}">{on_base}</body>
+      <body name="limb" quat="{text(quaternion(self.rest))}">
+        {self.joint or ball}
+        {inertial(self.parameters)}
         <site name="center"/>
-        {on_limb}{loose}
+        {on_limb}{self.loose}
       </body>
       {unclamped}
     </body>
   </worldbody>
   {tendons}\
-{SENSORS.format(body="limb").replace("</sensor>", speeds)}
+{sensors}
 </mujoco>"""
+
+
+def _tendons_mjcf(paths: Mapping[str, str], viscosity: float) -> tuple[str, str]:
+    """Write muscles as tendons [N s/m], and the sensors of limb and tendons."""
+    tendons = "".join(
+        f'<spatial name="{name}" damping="{viscosity!r}">{path}</spatial>'
+        for name, path in paths.items()
+    )
+    speeds = "".join(f'<tendonvel name="{name}" tendon="{name}"/>' for name in paths) + "</sensor>"
+    sensors = SENSORS.format(body="limb").replace("</sensor>", speeds)
+    return f"<tendon>{tendons}</tendon>" if tendons else "", sensors
 
 
 def _muscles_mjcf(

@@ -24,6 +24,7 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
 from myomorph.core.model.spatial import Transform, least_rotation
 from myomorph.swings.simulate.laboratory import (
+    Instruments,
     Noise,
     Sampled,
     VirtualTrial,
@@ -34,7 +35,7 @@ from myomorph.swings.simulate.laboratory import (
 from myomorph.swings.simulate.limb import (
     BaseLoad,
     HeldLimb,
-    swing_mjcf,
+    SwungLimb,
     with_clusters,
     with_scaled_muscles,
 )
@@ -118,50 +119,61 @@ def arm_specimen() -> Specimen:
     return with_clusters(build_specimen(model, names))
 
 
-def virtual_specimen(
-    number: int,
-    *,
-    seconds: float = 10.0,
-    trials: int = 3,
-    noise: Noise | None = None,
-    full_size: bool = False,
-    seed: int | None = None,
-    loads: tuple[BaseLoad | None, BaseLoad | None] = (None, None),
-) -> VirtualSpecimen:
-    """Simulate one of the six specimens (the row of the tables) without muscles and with them.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Setup:
+    """Setup of a virtual experiment.
 
-    `noise`: by default 0.3 mm, 0.3 N, and clocks apart by tens of milliseconds and of millionths;
-    `full_size`: muscles of the model's size, and d_M such that the total viscosity is the table's;
-    `loads`: on the base, muscles removed and intact.
+    Attributes
+    ----------
+    noise : of the instruments; by default 0.3 mm, 0.3 N, and clocks apart by tens of milliseconds
+        and of millionths
+    full_size : muscles of the model's size, and d_M such that the total viscosity is the table's
+    loads : on the base, muscles removed and intact
     """
+
+    noise: Noise | None = None
+    full_size: bool = False
+    loads: tuple[BaseLoad | None, BaseLoad | None] = (None, None)
+
+
+def virtual_specimen(
+    number: int, *, seconds: float = 10.0, trials: int = 3, setup: Setup | None = None
+) -> VirtualSpecimen:
+    """Simulate one of the six specimens (the row of the tables) without muscles and with them."""
     if not 1 <= number <= len(SPECIMENS):
         raise BadData(f"there is no specimen {number}: [S] has 1 to {len(SPECIMENS)}")
+    setup = setup or Setup()
     row = SPECIMENS[number - 1]
-    random = np.random.default_rng(number if seed is None else seed)
-    noise = noise or Noise(offset=random.uniform(-0.04, 0.04), drift=random.uniform(-5e-5, 5e-5))
+    random = np.random.default_rng(number)
+    instruments = Instruments(
+        setup.noise or Noise(offset=random.uniform(-0.04, 0.04), drift=random.uniform(-5e-5, 5e-5)),
+        random,
+    )
     specimen = arm_specimen()
     specimen = specimen.standing(mounted(specimen.stand, random))
     limb = HeldLimb(specimen, HELD)
     bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
     whole = limb.with_muscle_mass(bare, row.mass_intact, row.com_intact)
     starts = [released(random) for _ in range(trials)]
-    limb, factor, muscle = _sized(limb, row, whole, starts, seconds, full_size)
-    swings = _swings(limb, whole, row.joint_viscosity, muscle, starts, seconds, load=loads[1])
-    bare_swings = _swings(limb, bare, row.joint_viscosity, 0.0, starts, seconds, load=loads[0])
+    limb, factor, muscle = _sized(limb, row, whole, starts, seconds, setup.full_size)
+    viscosity = row.joint_viscosity
+    swings = _swings(limb, whole, viscosity, muscle, starts, seconds, load=setup.loads[1])
+    bare_swings = _swings(limb, bare, viscosity, 0.0, starts, seconds, load=setup.loads[0])
     arm = _mean_square_arm(swings)
-    total = row.joint_viscosity + muscle * arm
     return VirtualSpecimen(
         published=row,
         specimen=limb.specimen,
         without=VirtualCondition(
-            bare, row.joint_viscosity, _recorded(limb, bare_swings, "without", noise, random)
+            bare, viscosity, _recorded(limb, bare_swings, "without", instruments)
         ),
-        intact=VirtualCondition(whole, total, _recorded(limb, swings, "with", noise, random)),
-        joint_viscosity=row.joint_viscosity,
+        intact=VirtualCondition(
+            whole, viscosity + muscle * arm, _recorded(limb, swings, "with", instruments)
+        ),
+        joint_viscosity=viscosity,
         muscle_viscosity=muscle,
         factor=factor,
         moment_arm=float(np.sqrt(arm / len(limb.specimen.model.muscles))),
-        noise=noise,
+        noise=instruments.noise,
     )
 
 
@@ -184,7 +196,7 @@ def bare_swing(number: int, seconds: float) -> tuple[Specimen, VirtualCondition]
     limb = HeldLimb(specimen, HELD)
     bare = limb.parameters(row.mass_muscles_removed, row.com_muscles_removed)
     swings = _swings(limb, bare, row.joint_viscosity, 0.0, [released(random)], seconds)
-    trials = _recorded(limb, swings, "without", Noise(), random)
+    trials = _recorded(limb, swings, "without", Instruments(Noise(), random))
     return specimen, VirtualCondition(bare, row.joint_viscosity, trials)
 
 
@@ -234,10 +246,17 @@ def _swings(
     step: float = STEP,
     load: BaseLoad | None = None,
 ) -> list[Sampled]:
-    stand = limb.specimen.stand
     rest = hanging(limb, parameters)
     compiled = mujoco.MjModel.from_xml_string(
-        swing_mjcf(limb, parameters, stand, rest, damping, muscle, load=load)
+        SwungLimb(
+            limb=limb,
+            parameters=parameters,
+            stand=limb.specimen.stand,
+            rest=rest,
+            damping=damping,
+            muscle=muscle,
+            load=load,
+        ).mjcf
     )
     result = []
     for axis, rates in starts:
@@ -293,7 +312,7 @@ def mounted(stand: Transform, random: np.random.Generator) -> Transform:
 
 
 def _recorded(
-    limb: HeldLimb, swings: Sequence[Sampled], word: str, noise: Noise, random: np.random.Generator
+    limb: HeldLimb, swings: Sequence[Sampled], word: str, instruments: Instruments
 ) -> tuple[VirtualTrial, ...]:
     stand = limb.specimen.stand
     center = stand.apply(limb.specimen.center)
@@ -302,9 +321,9 @@ def _recorded(
     return tuple(
         VirtualTrial(
             name=f"{word} {number}",
-            markers=measured_markers(exact, center, at_base, on_limb, noise, random),
+            markers=measured_markers(exact, center, at_base, on_limb, instruments),
             wrenches=measured_wrench(
-                exact, center, center + PLATE, limb.specimen.base, noise, random
+                exact, center, center + PLATE, limb.specimen.base, instruments
             ),
             exact=exact,
         )

@@ -491,14 +491,7 @@ def _muscles(
     joint = bare.whole.joint.taken_off(options.subtract)
     problem = torques.muscle_problem(whole, joint)
     common = problem.along(np.ones(len(names)))
-    phi = full.whole.inertia.parameters
-    blocks = np.stack(
-        [
-            torques.torque_problem(sums, phi, options.stiffness is not False)
-            for sums in full.sums.torque
-        ]
-    )
-    variance = torques.noise_variance(blocks, joint)
+    variance = torques.noise_variance(_torque_blocks(full, options), joint)
     strength = torques.ridge_strength(problem, variance, common, options.spread)
 
     def values(torque: Array, without: Solution) -> Array:
@@ -522,6 +515,15 @@ def _muscles(
         rank=problem.rank,
         singular_values=problem.singular_values,
         resolved=problem.resolved(variance, common),
+    )
+
+
+def _torque_blocks(full: ConditionSolution, options: ViscosityOptions) -> Array:
+    """Return the torque problem of each block of the swings."""
+    phi = full.whole.inertia.parameters
+    with_stiffness = options.stiffness is not False
+    return np.stack(
+        [torques.torque_problem(sums, phi, with_stiffness) for sums in full.sums.torque]
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData, MyomorphError
+from myomorph.core.model.findings import Finding
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Source
@@ -112,7 +113,7 @@ def _unit(part: str) -> str:
     return unit.replace(" ", "").replace("^2", "²")
 
 
-def with_cutoffs(
+def _with_cutoffs(
     report: reports.SpecimenReport,
     tracked: Mapping[str, TrackedSpecimen],
     cutoff: float,
@@ -210,7 +211,7 @@ def study_specimen(files: SpecimenFiles, options: StudyOptions, advance: Advance
     tracked = {name: condition.tracked for name, condition in identified.conditions.items()}
     hidden = [name for name, condition in identified.conditions.items() if condition.hides_mass]
     filtered = identified.cutoff, identified.reason
-    report = with_cutoffs(report, tracked, *filtered, identified.options.identification, hidden)
+    report = _with_cutoffs(report, tracked, *filtered, identified.options.identification, hidden)
     report, model = _with_model(report, viscosity, tracked, identified.cutoff)
     residuals = (*opened.residuals, *_marker_residuals(identified.conditions))
     shoulder = "scapula" in specimen.base.lower() and "humer" in specimen.first.lower()
@@ -337,35 +338,51 @@ def _judged(
 
     Small swings are judged by `by_swings`.
     """
-    lacking: set[str] = set()
+    unknown: set[str] = set()
     for name in CONDITIONS:
-        findings = list(conditions[name].findings) if name in conditions else []
-        findings += (
-            condition_findings(by_swings.conditions[name]) if name in by_swings.conditions else ()
-        )
-        notes += [
-            f"{identify.STATES[name]}: {finding.text}"
-            for finding in findings
-            if finding.text not in notes
-        ]
-        if any(finding.kind == TARED for finding in findings):
-            lacking |= {*identify.QUANTITIES_OF[name][:2], "estimated_muscle_mass"}
-        if any(finding.kind == TOO_SMALL for finding in findings):
-            lacking.add(identify.QUANTITIES_OF[name][-1])
+        findings = _findings(name, conditions, by_swings)
+        fresh = (finding.text for finding in findings if finding.text not in notes)
+        notes += [f"{identify.STATES[name]}: {text}" for text in fresh]
+        unknown |= _not_shown(name, {finding.kind for finding in findings})
     common = None if by_swings.muscles is None else by_swings.muscles.common
     if viscosity.muscles is not None and common is not None and not identify.is_narrow(common):
         notes.append(
             f"the swings do not tell the muscles' viscosity: {common.low:.2g} to {common.high:.2g}"
             " N s/m"
         )
-        lacking.add("muscle_viscosity")
+        unknown.add("muscle_viscosity")
         viscosity = replace(viscosity, muscles=None)
-    further = (note for condition in conditions.values() for note in condition.notes)
-    notes += [note for note in further if not any(note in line for line in notes)]
+    notes += _further_notes(conditions, notes)
     viscosity = replace(viscosity, notes=tuple(dict.fromkeys((*notes, *viscosity.notes))))
     report = reports.specimen_report(viscosity)
-    known = {name: estimate for name, estimate in report.row.items() if name not in lacking}
+    known = {name: estimate for name, estimate in report.row.items() if name not in unknown}
     return replace(report, row=known), viscosity
+
+
+def _findings(
+    name: str, conditions: Mapping[str, Prepared], by_swings: SpecimenViscosity
+) -> list[Finding]:
+    """Return the findings of a condition's recordings and of its estimates."""
+    findings = list(conditions[name].findings) if name in conditions else []
+    if name in by_swings.conditions:
+        findings += condition_findings(by_swings.conditions[name])
+    return findings
+
+
+def _further_notes(conditions: Mapping[str, Prepared], notes: Sequence[str]) -> list[str]:
+    """Return the notes of conditions that no line has already."""
+    further = (note for condition in conditions.values() for note in condition.notes)
+    return [note for note in further if not any(note in line for line in notes)]
+
+
+def _not_shown(name: str, kinds: Collection[str]) -> set[str]:
+    """Return the quantities that a condition with findings of these kinds does not show."""
+    unknown: set[str] = set()
+    if TARED in kinds:
+        unknown |= {*identify.QUANTITIES_OF[name][:2], "estimated_muscle_mass"}
+    if TOO_SMALL in kinds:
+        unknown.add(identify.QUANTITIES_OF[name][-1])
+    return unknown
 
 
 def _with_model(

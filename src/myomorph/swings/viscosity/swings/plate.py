@@ -5,12 +5,12 @@ The clock is found although hands hold the limb.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import binary_dilation
 
-from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Wrenches
 from myomorph.core.motion.clocks import SIGNIFICANT, Clock, ClockOptions, fit_clock
@@ -142,14 +142,25 @@ def lowpass_runs(values: Array, rate: float, cutoff: float | None) -> Array:
     return result
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class WrenchFit:
+    """How a motion and a wrench are compared.
+
+    Attributes
+    ----------
+    options : of the fit
+    used : (frames,) False in frames in which the limb is touched
+    turned : (frames, 6, turns) what small rotations of the plate's axes make of the wrench: they
+        are left open too, since they would pass for an offset
+    """
+
+    options: ClockOptions | None = None
+    used: np.ndarray | None = None
+    turned: Array | None = None
+
+
 def wrench_clock(
-    time: Array,
-    rows: Array,
-    wrench_time: Array,
-    wrench: Array,
-    options: ClockOptions | None = None,
-    used: np.ndarray | None = None,
-    turned: Array | None = None,
+    time: Array, rows: Array, wrench_time: Array, wrench: Array, fit: WrenchFit | None = None
 ) -> Clock:
     """Fit the plate's clock: offset and drift that leave the least of wrench = rows phi + constant.
 
@@ -164,10 +175,7 @@ def wrench_clock(
     rows : (frames, 6, parameters) as `SwingRecording.wrench_rows`
     wrench_time : (samples,) on the plate's clock [s]
     wrench : (samples, 6) moment [N m] and force [N]
-    options : of the fit
-    used : (frames,) False in frames in which the limb is touched
-    turned : (frames, 6, turns) what small rotations of the plate's axes make of the wrench: they
-        are left open too, since they would pass for an offset
+    fit : how they are compared
 
     Returns
     -------
@@ -177,6 +185,7 @@ def wrench_clock(
     ------
     BadData : rows or wrench of another shape
     """
+    fit = fit or WrenchFit()
     if rows.ndim != 3 or rows.shape[1] != 6 or wrench.shape[1:] != (6,):
         raise BadData(
             f"expected rows (frames, 6, parameters) and a wrench (samples, 6), got {rows.shape},"
@@ -184,9 +193,10 @@ def wrench_clock(
         )
     constant = np.broadcast_to(np.eye(6), (len(time), 6, 6))
     columns = [rows, constant]
-    if turned is not None:
-        columns.append(turned)
-    return fit_clock(time, np.concatenate(columns, axis=2), wrench_time, wrench, options, used)
+    if fit.turned is not None:
+        columns.append(fit.turned)
+    known = np.concatenate(columns, axis=2)
+    return fit_clock(time, known, wrench_time, wrench, fit.options, fit.used)
 
 
 def _of_turned_axes(wrench: Array, origin: Array) -> Array:
@@ -209,15 +219,26 @@ def _of_turned_axes(wrench: Array, origin: Array) -> Array:
     return np.concatenate([turned_moment, turned_force], axis=2).swapaxes(1, 2)
 
 
+@read_only
+class SwingRows:
+    """Motion of a limb as rows of the wrench that it makes.
+
+    Attributes
+    ----------
+    time : (frames,) of the motion [s]
+    rows : (frames, 6, parameters) as `SwingRecording.wrench_rows`
+    slow : (frames, 6, parameters) the rows filtered at `CUTOFF`
+    whole : (frames,) whether a frame is out of the reach of the filter's ends
+    """
+
+    time: Array
+    rows: Array
+    slow: Array
+    whole: np.ndarray
+
+
 def plate_clock(
-    time: Array,
-    rows: Array,
-    slow: Array,
-    whole: np.ndarray,
-    wrench_time: Array,
-    wrench: Array,
-    origin: Array,
-    share: float,
+    swing: SwingRows, wrench_time: Array, wrench: Array, origin: Array, share: float
 ) -> tuple[Clock, list[str]]:
     """Return offset and drift of the plate, or the clock as it is where nothing speaks against it.
 
@@ -227,10 +248,7 @@ def plate_clock(
 
     Parameters
     ----------
-    time : (frames,) of the motion [s]
-    rows : (frames, 6, parameters) as `SwingRecording.wrench_rows`
-    slow : (frames, 6, parameters) the rows filtered at `CUTOFF`
-    whole : (frames,) whether a frame is out of the reach of the filter's ends
+    swing : the limb's motion
     wrench_time : (samples,) on the plate's clock [s]
     wrench : (samples, 6) moment [N m] and force [N]
     origin : (3,) what the plate's moments are about, from the joint's center [m]
@@ -249,10 +267,10 @@ def plate_clock(
         column[~known[part]] = np.interp(
             plate_time[~known[part]], plate_time[known[part]], column[known[part]]
         )
-    best = _fitted(time, rows, slow, whole, plate_time, values, share, 0.0)
+    best = _fitted(swing, plate_time, values, share, 0.0)
     if best.explained < AGREES:
-        lag = _best_lag(time, slow, whole, plate_time, values)
-        other = _fitted(time, rows, slow, whole, plate_time, values, share, lag)
+        lag = _best_lag(swing, plate_time, values)
+        other = _fitted(swing, plate_time, values, share, lag)
         best = other if other.explained > best.explained else best
     if best.explained < AGREES:
         explained = f"{100 * best.explained:.0f} %"
@@ -260,12 +278,12 @@ def plate_clock(
             f"the clocks cannot be compared: the motion explains only {explained} of the wrench"
         ]
     try:
-        best = _refined(time, rows, slow, whole, plate_time, values, origin, share, best.offset)
+        best = _refined(swing, plate_time, values, origin, share, best.offset)
     except BadData:
         return Clock(), ["the clocks cannot be compared: too little of the swing shows both"]
     sizes = np.sqrt(np.diag(best.covariance)).clip(min=1e-12)
     doubt = float(np.square(np.array([best.offset, best.drift]) / sizes).sum())
-    lag = float(np.abs(best.times(time) - time).max())
+    lag = float(np.abs(best.times(swing.time) - swing.time).max())
     if doubt < (CHANCE if lag > LARGE_CLOCK_ERROR else SURE) or lag < MIN_CLOCK_ERROR:
         return Clock(), []
     drifts = (
@@ -277,53 +295,37 @@ def plate_clock(
     return best, [f"the plate's clock is {off}: corrected"]
 
 
-def _fitted(
-    time: Array,
-    rows: Array,
-    slow: Array,
-    whole: np.ndarray,
-    plate_time: Array,
-    wrench: Array,
-    share: float,
-    lag: float,
-) -> Clock:
+def _fitted(swing: SwingRows, plate_time: Array, wrench: Array, share: float, lag: float) -> Clock:
     """Fit the clock to the frames that nobody touches if the plate lags by `lag` [s]."""
-    seen, force = _filtered(time, whole, plate_time + lag, wrench)
+    seen, force = _filtered(swing, plate_time + lag, wrench)
     if seen.sum() < 6:
         return Clock()
-    carried = CarriedLimb(time=time, rows=slow, wrench=force, candidates=seen)
+    carried = CarriedLimb(time=swing.time, rows=swing.slow, wrench=force, candidates=seen)
     (hand,) = touched_frames([carried], share, 0.5 * REACH / CUTOFF)
-    options = ClockOptions(search=AROUND, cutoff=CUTOFF)
+    fit = WrenchFit(options=ClockOptions(search=AROUND, cutoff=CUTOFF), used=seen & ~hand)
     try:
-        clock = wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand)
+        clock = wrench_clock(swing.time, swing.rows, plate_time + lag, wrench, fit)
     except BadData:
         return Clock(explained=0.0)
     return replace(clock, offset=clock.offset + lag, epoch=clock.epoch - lag)
 
 
 def _refined(
-    time: Array,
-    rows: Array,
-    slow: Array,
-    whole: np.ndarray,
-    plate_time: Array,
-    wrench: Array,
-    origin: Array,
-    share: float,
-    lag: float,
+    swing: SwingRows, plate_time: Array, wrench: Array, origin: Array, share: float, lag: float
 ) -> Clock:
     """Fit the clock near a lag [s] that brings motion and wrench together, with the axes open.
 
     The axes are the plate's. Noise of differentiated markers moves an offset, by more the faster
     what is compared. So what half the cutoff would give counts as an error too.
     """
-    seen, force = _filtered(time, whole, plate_time + lag, wrench)
-    carried = CarriedLimb(time=time, rows=slow, wrench=force, candidates=seen)
+    seen, force = _filtered(swing, plate_time + lag, wrench)
+    carried = CarriedLimb(time=swing.time, rows=swing.slow, wrench=force, candidates=seen)
     (hand,) = touched_frames([carried], share, 0.5 * REACH / CUTOFF)
     turned = _of_turned_axes(force, origin)
 
     def compared(options: ClockOptions) -> Clock:
-        return wrench_clock(time, rows, plate_time + lag, wrench, options, seen & ~hand, turned)
+        fit = WrenchFit(options=options, used=seen & ~hand, turned=turned)
+        return wrench_clock(swing.time, swing.rows, plate_time + lag, wrench, fit)
 
     options = ClockOptions(search=LAG, cutoff=COMPARED)
     clock = compared(options)
@@ -341,30 +343,28 @@ def _refined(
     )
 
 
-def _filtered(
-    time: Array, whole: np.ndarray, plate_time: Array, wrench: Array
-) -> tuple[np.ndarray, Array]:
+def _filtered(swing: SwingRows, plate_time: Array, wrench: Array) -> tuple[np.ndarray, Array]:
     """Return frames on which motion and wrench are known, and the wrench there.
 
     It has passed the filter of the motion.
     """
+    time = swing.time
     force = on_clock(plate_time, wrench, time)
     known = np.asarray(np.isfinite(force).all(axis=1))
     if known.sum() >= 6:
         span = slice(int(np.flatnonzero(known)[0]), int(np.flatnonzero(known)[-1]) + 1)
         force[span] = lowpass(force[span], 1.0 / float(np.median(np.diff(time))), CUTOFF)
-    return np.asarray(whole & known), np.where(known[:, None], force, 0.0)
+    return np.asarray(swing.whole & known), np.where(known[:, None], force, 0.0)
 
 
-def _best_lag(
-    time: Array, slow: Array, whole: np.ndarray, plate_time: Array, wrench: Array
-) -> float:
+def _best_lag(swing: SwingRows, plate_time: Array, wrench: Array) -> float:
     """Return the lag at which the median frame's force is explained best [s].
 
     What is left is taken relative to how the force varies.
     """
+    time = swing.time
     lags = LAG * np.arange(-round(SEARCH / LAG), round(SEARCH / LAG) + 1)
-    thin = whole & (np.arange(len(time)) % max(1, len(time) // MAX_LAG_FRAMES) == 0)
+    thin = swing.whole & (np.arange(len(time)) % max(1, len(time) // MAX_LAG_FRAMES) == 0)
     step = float(np.median(np.diff(time)))
     even = np.arange(plate_time[0], plate_time[-1], step)
     force = lowpass(on_clock(plate_time, wrench[:, 3:], even), 1.0 / step, CUTOFF)
@@ -376,7 +376,7 @@ def _best_lag(
             left.append(np.inf)
             continue
         moved = np.stack([np.interp(there, even, column) for column in force.T], axis=1)
-        mismatch, _ = force_mismatch([slow[:, 3:, :4]], [moved], [seen])
+        mismatch, _ = force_mismatch([swing.slow[:, 3:, :4]], [moved], [seen])
         left.append(
             float(
                 np.median(np.linalg.norm(mismatch[0][seen], axis=1)) / max(moved[seen].std(), 1e-9)

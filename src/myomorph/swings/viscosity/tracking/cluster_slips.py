@@ -36,31 +36,25 @@ def without_slips(
     about its joint, and a base that moves takes its joint along: both leave joints together. Trials
     follow each other in time.
     """
-    markers, slips = list(markers), [list[Slip]() for _ in markers]
-    for _ in specimen.model.body_names:
-        poses = {
-            bone: bone_poses(specimen.model, bone, markers) for bone in specimen.model.body_names
-        }
-        starts = np.cumsum([0, *(len(trial) for trial in markers)])
-        least = max(1, round(SHORTEST * markers[0].rate)) if len(markers[0]) > 1 else 1
-        placed = {bone for bone, pose in poses.items() if np.isfinite(pose[1]).any()}
-        joints = [joint for joint in specimen.model.joints if {joint.parent, joint.child} <= placed]
-        steps = {joint.child: _step(_gap(joint, poses), least) for joint in joints}
+    model = specimen.model
+    markers = list(markers)
+    slips = [list[Slip]() for _ in markers]
+    for _ in model.body_names:
+        poses = {bone: bone_poses(model, bone, markers) for bone in model.body_names}
+        steps = _joint_steps(specimen, markers, poses)
         bone = _slipped(specimen, steps, poses, threshold)
         if bone is None:
             break
-        beside = [joint for joint in specimen.model.joints if bone in (joint.parent, joint.child)]
-        at, amount = max(
-            (steps[joint.child] for joint in beside if joint.child in steps),
-            key=lambda step: step[1],
-        )
+        joints = [joint.child for joint in model.joints if bone in (joint.parent, joint.child)]
+        known = [steps[joint] for joint in joints if joint in steps]
+        at, amount = max(known, key=lambda step: step[1])
+        starts = np.cumsum([0, *(len(trial) for trial in markers)])
         trial = int(np.searchsorted(starts, at, side="right")) - 1
-        time = float(markers[trial].time[at - starts[trial]])
         slips[trial].append(
             Slip(
                 trial=names[trial],
                 what=bone,
-                time=time,
+                time=float(markers[trial].time[at - starts[trial]]),
                 amount=amount,
                 lasting=True,
                 unit="m",
@@ -73,6 +67,19 @@ def without_slips(
         still = poses[reference] if reference else None
         markers = _put_back(specimen, bone, poses[bone], still, at, markers, starts)
     return markers, slips
+
+
+def _joint_steps(
+    specimen: Specimen, markers: Sequence[Markers], poses: dict[str, Poses]
+) -> dict[str, tuple[int, float]]:
+    """Find the step of the gap of each joint whose bones are seen, by its child.
+
+    A step has the frame at which it is, of all trials in a row, and its size [m].
+    """
+    least = max(1, round(SHORTEST * markers[0].rate)) if len(markers[0]) > 1 else 1
+    placed = {bone for bone, pose in poses.items() if np.isfinite(pose[1]).any()}
+    joints = [joint for joint in specimen.model.joints if {joint.parent, joint.child} <= placed]
+    return {joint.child: _step(_gap(joint, poses), least) for joint in joints}
 
 
 def _gap(joint: Joint, poses: dict[str, Poses]) -> Array:
@@ -111,11 +118,7 @@ def _slipped(
     threshold: float,
 ) -> str | None:
     """Return the bone all of whose joints come apart, of several the one with most joints."""
-    known: dict[str, list[float]] = {bone: [] for bone in specimen.model.body_names}
-    for joint in specimen.model.joints:
-        if joint.child in steps:
-            for bone in {joint.parent, joint.child} & known.keys():
-                known[bone].append(steps[joint.child][1])
+    known = _steps_of_bones(specimen, steps)
     apart = [bone for bone, amounts in known.items() if amounts and min(amounts) > threshold]
     if not apart:
         return None
@@ -127,6 +130,18 @@ def _slipped(
         moved = _step(poses[specimen.base][1], 1)[1] > threshold
         likely = [bone for bone in likely if (bone == specimen.base) == moved]
     return max(likely, key=lambda bone: min(known[bone]))
+
+
+def _steps_of_bones(
+    specimen: Specimen, steps: dict[str, tuple[int, float]]
+) -> dict[str, list[float]]:
+    """Return by how much the known joints of each bone come apart [m]."""
+    known: dict[str, list[float]] = {bone: [] for bone in specimen.model.body_names}
+    for joint in specimen.model.joints:
+        if joint.child in steps:
+            for bone in {joint.parent, joint.child} & known.keys():
+                known[bone].append(steps[joint.child][1])
+    return known
 
 
 def _reference(specimen: Specimen, bone: str, steps: dict[str, tuple[int, float]]) -> str | None:
@@ -159,6 +174,30 @@ def _put_back(
 
     Its cluster is then as it was before in a frame that is `still`, ground where None.
     """
+    back, shift = _way_back(pose, still, at)
+    columns = [marker.name for marker in specimen.model.markers if marker.body == bone]
+    rotations, origins = pose
+    result = []
+    for trial, start in zip(markers, starts, strict=False):
+        use = slice(max(0, at - int(start)), None)
+        turn = rotations[start : start + len(trial)][use]
+        origin = origins[start : start + len(trial)][use]
+        values = np.array(trial.values)
+        carried = [trial.names.index(name) for name in columns if name in trial.names]
+        own = np.einsum("fji,fmj->fmi", turn, values[use, carried] - origin[:, None])
+        values[use, carried] = (
+            np.einsum("fij,fmj->fmi", turn, own @ back.T + shift) + origin[:, None]
+        )
+        result.append(replace(trial, values=values))
+    return result
+
+
+def _way_back(pose: Poses, still: Poses | None, at: int) -> tuple[Array, Array]:
+    """Return the way from where a cluster is, from the frame `at` on, to where it was before.
+
+    It is a rotation (3, 3) and a shift (3,) in the cluster's own frame [m]. Before and after are
+    means in a frame that is `still`, ground where None.
+    """
     rotations, origins = pose
     if still is not None:
         turn = still[0].transpose(0, 2, 1)
@@ -171,21 +210,4 @@ def _put_back(
     later = seen & (np.arange(len(seen)) >= at)
     after = mean_rotation(rotations[later])
     here = origins[later].mean(axis=0)
-    # In the cluster's own frame: from where it is to where it was.
-    back = after.T @ before
-    shift = after.T @ (there - here)
-    columns = [marker.name for marker in specimen.model.markers if marker.body == bone]
-    result = []
-    for trial, start in zip(markers, starts, strict=False):
-        use = slice(max(0, at - int(start)), None)
-        turn_part, origin_part = pose
-        turn = turn_part[start : start + len(trial)][use]
-        origin = origin_part[start : start + len(trial)][use]
-        values = np.array(trial.values)
-        carried = [trial.names.index(name) for name in columns if name in trial.names]
-        own = np.einsum("fji,fmj->fmi", turn, values[use, carried] - origin[:, None])
-        values[use, carried] = (
-            np.einsum("fij,fmj->fmi", turn, own @ back.T + shift) + origin[:, None]
-        )
-        result.append(replace(trial, values=values))
-    return result
+    return after.T @ before, after.T @ (there - here)

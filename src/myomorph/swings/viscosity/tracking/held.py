@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import median_filter, uniform_filter1d
 from scipy.spatial.transform import Rotation
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers, Motion
 from myomorph.core.model.spatial import Transform
@@ -269,33 +269,48 @@ def mean_held(
     return means
 
 
-def slips_within(
-    specimen: Specimen, name: str, motion: Motion, turned: float, moved: float
-) -> list[Slip]:
-    """Return held coordinates and the base that move in a trial.
+@dataclass(frozen=True)
+class SlipLimits:
+    """Motion from which on something that should be held has slipped.
 
-    They move by more than `turned` [rad] or `moved` [m].
+    Attributes
+    ----------
+    turned : rotation [rad]
+    moved : displacement [m]
     """
+
+    turned: float
+    moved: float
+
+
+@read_only
+class MeanRest:
+    """What is held, in the mean of all trials.
+
+    Attributes
+    ----------
+    held : value of each held coordinate [rad or m]
+    center : (3,) the joint's center, in ground [m]
+    """
+
+    held: Mapping[str, float]
+    center: Array
+
+
+def slips_within(specimen: Specimen, name: str, motion: Motion, limits: SlipLimits) -> list[Slip]:
+    """Return held coordinates and the base that move in a trial by more than the limits."""
     slips = []
     for held in specimen.held_coordinates:
         unit = _unit(specimen, held)
-        limit = moved if unit == "m" else turned
+        limit = limits.moved if unit == "m" else limits.turned
         slips += _slip(
             name, held, motion.time, np.unwrap(_filled(motion[held]))[:, None], limit, unit
         )
-    return slips + base_slips(
-        specimen, name, motion.time, *base_poses(specimen, motion), turned, moved
-    )
+    return slips + base_slips(specimen, name, motion.time, base_poses(specimen, motion), limits)
 
 
 def base_slips(
-    specimen: Specimen,
-    name: str,
-    time: Array,
-    rotations: Array,
-    origins: Array,
-    turned: float,
-    moved: float,
+    specimen: Specimen, name: str, time: Array, poses: tuple[Array, Array], limits: SlipLimits
 ) -> list[Slip]:
     """Return the base where it rotates, or the joint's center moves, in a trial.
 
@@ -304,35 +319,29 @@ def base_slips(
     specimen : with the base
     name : of the trial
     time : (frames,) [s]
-    rotations : (frames, 3, 3) of the base in ground
-    origins : (frames, 3) of the base in ground, NaN where unknown [m]
-    turned : rotation from which on it is a slip [rad]
-    moved : displacement from which on it is a slip [m]
+    poses : rotations (frames, 3, 3) and origins (frames, 3) of the base in ground, NaN where
+        unknown [m]
+    limits : from which on it is a slip
 
     Returns
     -------
     at most one slip
     """
+    rotations, origins = poses
     seen = np.isfinite(origins).all(axis=1)
     if not seen.any():
         return []
     middle = mean_rotation(rotations[seen])
     angles = np.full((len(time), 3), np.nan)
     angles[seen] = Rotation.from_matrix(middle.T @ rotations[seen]).as_rotvec()
-    slip = _slip(name, "base", time, _filled(angles), turned, "rad")
+    slip = _slip(name, "base", time, _filled(angles), limits.turned, "rad")
     return slip or _slip(
-        name, "base", time, center_course(specimen, time, rotations, origins), moved, "m"
+        name, "base", time, center_course(specimen, time, rotations, origins), limits.moved, "m"
     )
 
 
 def slips_before(
-    specimen: Specimen,
-    name: str,
-    motion: Motion,
-    held: Mapping[str, float],
-    center: Array,
-    turned: float,
-    moved: float,
+    specimen: Specimen, name: str, motion: Motion, rest: MeanRest, limits: SlipLimits
 ) -> list[Slip]:
     """Return what stands elsewhere in a trial than in the mean of all: it moved in between.
 
@@ -341,10 +350,8 @@ def slips_before(
     specimen : with the coordinates
     name : of the trial
     motion : of the trial
-    held : mean of each coordinate over all trials [rad or m]
-    center : (3,) mean of the joint's center, in ground [m]
-    turned : rotation from which on it is a slip [rad]
-    moved : displacement from which on it is a slip [m]
+    rest : what is held, in the mean of all trials
+    limits : from which on it is a slip
 
     Returns
     -------
@@ -352,16 +359,16 @@ def slips_before(
     """
     result = []
     start = float(motion.time[0])
-    for coordinate_values, mean in held.items():
-        values = motion[coordinate_values][np.isfinite(motion[coordinate_values])]
-        unit = _unit(specimen, coordinate_values)
+    for coordinate, mean in rest.held.items():
+        values = motion[coordinate][np.isfinite(motion[coordinate])]
+        unit = _unit(specimen, coordinate)
         off = float(np.median(values)) - mean if len(values) else 0.0
         off = off if unit == "m" else float(np.angle(np.exp(1j * off)))
-        if abs(off) > (moved if unit == "m" else turned):
+        if abs(off) > (limits.moved if unit == "m" else limits.turned):
             result.append(
                 Slip(
                     trial=name,
-                    what=coordinate_values,
+                    what=coordinate,
                     time=start,
                     amount=abs(off),
                     lasting=True,
@@ -370,8 +377,8 @@ def slips_before(
                 )
             )
     there = center_course(specimen, motion.time, *base_poses(specimen, motion))
-    distance = float(np.linalg.norm(np.median(there, axis=0) - center))
-    if distance > moved:
+    distance = float(np.linalg.norm(np.median(there, axis=0) - rest.center))
+    if distance > limits.moved:
         result.append(
             Slip(
                 trial=name,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 
 import numpy as np
@@ -19,6 +19,7 @@ from myomorph.swings.viscosity.specimen.model import Specimen, SwingTrial
 from myomorph.swings.viscosity.swings.motion import differentiate_joint, on_one_branch
 from myomorph.swings.viscosity.swings.plate import (
     CUTOFF,
+    SwingRows,
     lowpass_runs,
     on_clock,
     plate_clock,
@@ -78,91 +79,152 @@ def track(
     options = options or TrackingOptions()
     if not trials:
         raise BadData("no trial of the swinging limb is given")
-    shown = [
-        trial.markers if trial.time is None else cut(trial.markers, *trial.time) for trial in trials
-    ]
     names = [trial.name for trial in trials]
-    checked = [
-        checked_clusters(specimen, *pair, options.cluster)
-        for pair in zip(shown, names, strict=True)
-    ]
+    checked = [_checked_markers(specimen, trial, options) for trial in trials]
     markers = [trial_markers for trial_markers, _ in checked]
-    started, astray = _centered(_started(specimen, markers), markers, options)
+    started, notes = _centered(_started(specimen, markers), markers, options)
     markers, slid = without_slips(started, markers, names, options.shift)
     if any(slid):
-        started, astray = _centered(_started(specimen, markers), markers, options)
-    fits = [inverse_kinematics(started.model, marker, EXACT, progress) for marker in markers]
-    motions = [on_one_branch(started, fit.motion) for fit in fits]
-    weights = [_sureness(started, fit) for fit in fits]
-    # Where markers lack, what is held may be anything: it is judged, and followed, by the frames
-    # that show each bone.
-    sure = [
-        replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
-        for motion, weight in zip(motions, weights, strict=True)
-    ]
-    base, held, slips = _held_still(started, markers, names, sure, weights, options)
-    if astray and options.center == "model":
-        for those in slips:
-            those[:] = [
-                replace(slip, center_off=not (slip.lasting or slip.before)) for slip in those
-            ]
+        started, notes = _centered(_started(specimen, markers), markers, options)
+    motions, weights = _free_motions(started, markers, progress)
+    base, held, slips = _held_still(started, markers, names, motions, weights, options)
     posed = _posed(started.standing(base), held)
     if options.center == "motion" and _turns_enough(posed, markers) and not any(slips):
-        posed, moved = shaped(posed, markers)
-        if moved > options.cluster:
-            text = (
-                f"the limb's markers lie {1000 * moved:.1f} mm (root mean square) from where the"
-                " model has them"
-            )
-            text += "; where the motion has them is used: check how clusters fit bones"
-            astray = (*astray, text)
-    slips = [[*first, *then] for first, then in zip(slid, slips, strict=True)]
-    tracked = []
-    for trial, seen, (_, notes), motion, certain in zip(
-        trials, markers, checked, sure, slips, strict=True
-    ):
-        away = np.zeros((len(motion), 3))
-        sway = np.zeros((0, 6))
-        shifts = [slip for slip in certain if slip.what == "base" and not slip.cluster]
-        if any(not (slip.lasting or slip.before) for slip in shifts):
-            sway = holding.base_sway(started, motion, posed.stand)
-            away = sway[:, :3]
-        elif shifts:
-            there = holding.center_course(
-                started, motion.time, *holding.base_poses(started, motion)
-            )
-            away = there - posed.center_in_ground
-        fit = _joint_alone(posed, seen, away, motion, certain, progress)
-        wrench, clock, warnings = _wrench(posed, trial, away, sway, fit.motion, options)
-        lines = (
-            *notes,
-            *(slip.line for slip in certain),
-            *(f"trial '{trial.name}': {warning}" for warning in warnings),
+        posed, notes = _shaped(posed, markers, options, notes)
+    known = [
+        _KnownTrial(
+            trial=trial,
+            markers=markers[index],
+            motion=motions[index],
+            slips=(
+                *slid[index],
+                *_ascribed(slips[index], options.center == "model" and bool(notes)),
+            ),
+            notes=tuple(checked[index][1]),
         )
-        untouched = np.zeros(len(fit.motion), bool)
-        place = _plate_origin(posed, trial)
-        tracked.append(
-            TrackedTrial(
-                name=trial.name,
-                motion=fit.motion,
-                wrench=wrench,
-                touched=untouched,
-                rms=fit.rms,
-                clock=clock,
-                notes=lines,
-                origin=place,
-                sway=sway,
-            )
-        )
+        for index, trial in enumerate(trials)
+    ]
+    tracked = [_tracked_trial(started, posed, each, options, progress) for each in known]
     if options.find_contact:
         tracked = _with_touches(posed, tracked, options.contact_threshold)
     return TrackedSpecimen(
         specimen=posed,
         trials=tuple(tracked),
         held=held,
-        slips=tuple(chain.from_iterable(slips)),
-        notes=astray,
+        slips=tuple(chain.from_iterable(each.slips for each in known)),
+        notes=notes,
     )
+
+
+def _checked_markers(
+    specimen: Specimen, trial: SwingTrial, options: TrackingOptions
+) -> tuple[Markers, Sequence[str]]:
+    """Return the markers of a trial's time whose clusters are as the model has them, and notes."""
+    shown = trial.markers if trial.time is None else cut(trial.markers, *trial.time)
+    return checked_clusters(specimen, shown, trial.name, options.cluster)
+
+
+def _free_motions(
+    specimen: Specimen, markers: Sequence[Markers], progress: Progress | None
+) -> tuple[list[Motion], list[Array]]:
+    """Run inverse kinematics with everything free.
+
+    Where markers are missing, what is held may be anything: it is judged, and followed, by the
+    frames that show each bone. Returns motions, NaN in other frames, and weights (frames,).
+    """
+    fits = [inverse_kinematics(specimen.model, marker, EXACT, progress) for marker in markers]
+    motions = [on_one_branch(specimen, fit.motion) for fit in fits]
+    weights = [_sureness(specimen, fit) for fit in fits]
+    sure = [
+        replace(motion, values=np.where(weight[:, None] > 0.0, motion.values, np.nan))
+        for motion, weight in zip(motions, weights, strict=True)
+    ]
+    return sure, weights
+
+
+def _ascribed(slips: Sequence[Slip], off_center: bool) -> list[Slip]:
+    """Ascribe slips that go to and fro to a limb that turns about another center, where it does."""
+    if not off_center:
+        return list(slips)
+    return [replace(slip, center_off=not (slip.lasting or slip.before)) for slip in slips]
+
+
+def _shaped(
+    specimen: Specimen,
+    markers: Sequence[Markers],
+    options: TrackingOptions,
+    notes: tuple[str, ...],
+) -> tuple[Specimen, tuple[str, ...]]:
+    """Put the limb's markers where the motion has them, with a further note where that is far."""
+    posed, moved = shaped(specimen, markers)
+    if moved <= options.cluster:
+        return posed, notes
+    return posed, (
+        *notes,
+        f"the limb's markers lie {1000 * moved:.1f} mm (root mean square) from where the model has"
+        " them; where the motion has them is used: check how clusters fit bones",
+    )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _KnownTrial:
+    """A trial, its checked markers, its motion with everything free, what slipped, and notes."""
+
+    trial: SwingTrial
+    markers: Markers
+    motion: Motion
+    slips: tuple[Slip, ...]
+    notes: tuple[str, ...]
+
+
+def _tracked_trial(
+    started: Specimen,
+    posed: Specimen,
+    known: _KnownTrial,
+    options: TrackingOptions,
+    progress: Progress | None,
+) -> TrackedTrial:
+    """Return motion of the joint alone and wrench in a trial.
+
+    `started`: the specimen with everything free; `posed`: with base and held joints locked.
+    """
+    trial = known.trial
+    away, sway = _base_motion(started, posed, known)
+    fit = _joint_alone(posed, known.markers, away, known.motion, known.slips, progress)
+    wrench, clock, warnings = _wrench(posed, trial, away, sway, fit.motion, options)
+    return TrackedTrial(
+        name=trial.name,
+        motion=fit.motion,
+        wrench=wrench,
+        touched=np.zeros(len(fit.motion), bool),
+        rms=fit.rms,
+        clock=clock,
+        notes=(
+            *known.notes,
+            *(slip.line for slip in known.slips),
+            *(f"trial '{trial.name}': {warning}" for warning in warnings),
+        ),
+        origin=_plate_origin(posed, trial),
+        sway=sway,
+    )
+
+
+def _base_motion(started: Specimen, posed: Specimen, known: _KnownTrial) -> tuple[Array, Array]:
+    """Return how far a base that slipped carries the joint's center, (frames, 3) [m].
+
+    The second value is its sway (frames, 6) where it goes to and fro, else without frames.
+    """
+    motion = known.motion
+    shifts = [slip for slip in known.slips if slip.what == "base" and not slip.cluster]
+    if any(not (slip.lasting or slip.before) for slip in shifts):
+        sway = holding.base_sway(started, motion, posed.stand)
+        return sway[:, :3], sway
+    away = np.zeros((len(motion), 3))
+    if shifts:
+        poses = holding.base_poses(started, motion)
+        there = holding.center_course(started, motion.time, *poses)
+        away = there - posed.center_in_ground
+    return away, np.zeros((0, 6))
 
 
 def _held_still(
@@ -178,24 +240,24 @@ def _held_still(
     Slips are those of each trial, in it or before it. A base that its own markers show at rest is
     only drawn along by a joint whose center, or by markers whose positions, do not fit the motion.
     """
-    limits = options.slip, options.shift
+    limits = holding.SlipLimits(turned=options.slip, moved=options.shift)
     slips = [
-        holding.slips_within(specimen, name, motion, *limits)
+        holding.slips_within(specimen, name, motion, limits)
         for name, motion in zip(names, motions, strict=True)
     ]
     for trial_slips, shown in zip(slips, markers, strict=True):
         if any(slip.what == "base" for slip in trial_slips):
             pose = bone_poses(specimen.model, specimen.base, [shown])
             if np.isfinite(pose[1]).any() and not holding.base_slips(
-                specimen, "", shown.time, *pose, *limits
+                specimen, "", shown.time, pose, limits
             ):
                 trial_slips[:] = [slip for slip in trial_slips if slip.what != "base"]
     moved = [[slip.what for slip in trial_slips] for trial_slips in slips]
     base = holding.mean_base(specimen, motions, weights)
     held = holding.mean_held(specimen, motions, weights, moved)
-    center = base.apply(specimen.center)
+    rest = holding.MeanRest(held=held, center=base.apply(specimen.center))
     for name, motion, trial_slips, own_notes in zip(names, motions, slips, moved, strict=True):
-        before = holding.slips_before(specimen, name, motion, held, center, *limits)
+        before = holding.slips_before(specimen, name, motion, rest, limits)
         trial_slips += [slip for slip in before if slip.what not in own_notes]
     return base, held, slips
 
@@ -361,17 +423,9 @@ def _wrench(
     clock = Clock()
     warnings = list[str]()
     if options.clock and np.isfinite(raw).all(axis=1).sum() > 3:
-        rows, slow, whole = _rows(specimen, motion, sway)
-        clock, warnings = plate_clock(
-            motion.time,
-            rows,
-            slow,
-            whole,
-            time,
-            raw,
-            _plate_origin(specimen, trial),
-            options.contact_threshold,
-        )
+        swing = _rows(specimen, motion, sway)
+        origin = _plate_origin(specimen, trial)
+        clock, warnings = plate_clock(swing, time, raw, origin, options.contact_threshold)
     wrench = on_clock(clock.times(time), raw, motion.time)
     if not np.isfinite(wrench).any():
         spans = (f"{each[0]:g} to {each[-1]:g} s" for each in (motion.time, time))
@@ -383,18 +437,18 @@ def _wrench(
     return wrench, clock, warnings
 
 
-def _rows(specimen: Specimen, motion: Motion, sway: Array) -> tuple[Array, Array, np.ndarray]:
-    """Return rows (frames, 6, 10), and those at the cutoff that looks for hands.
+def _rows(specimen: Specimen, motion: Motion, sway: Array) -> SwingRows:
+    """Return the motion as rows, slow ones at the cutoff that looks for hands.
 
-    The third value holds the frames out of reach of its ends. Rows are filtered as the wrench is,
-    after the motion has passed a filter that leaves fast twists as they are: what is then left of
-    wrench - rows phi is no matter of filters.
+    Rows are filtered as the wrench is, after the motion has passed a filter that leaves fast twists
+    as they are: what is then left of wrench - rows phi is no matter of filters.
     """
     quick = differentiate_joint(specimen, motion, QUICK)
     rows = swung_limb(specimen, quick, sway, QUICK).wrench_rows
     slow = lowpass_runs(rows.reshape(len(rows), -1), motion.rate, CUTOFF).reshape(rows.shape)
     finite = np.asarray(np.isfinite(slow).all(axis=(1, 2)))
-    return rows, slow, whole_frames(motion.time, finite, CUTOFF)
+    whole = whole_frames(motion.time, finite, CUTOFF)
+    return SwingRows(time=motion.time, rows=rows, slow=slow, whole=whole)
 
 
 def _with_touches(
@@ -403,11 +457,13 @@ def _with_touches(
     """Find the frames in which somebody touches the limb, over all trials together."""
     carried = []
     for trial in trials:
-        _, rows, whole = _rows(specimen, trial.motion, trial.sway)
+        swing = _rows(specimen, trial.motion, trial.sway)
         wrench = lowpass_runs(trial.wrench, trial.motion.rate, CUTOFF)
         known = np.asarray(np.isfinite(wrench).all(axis=1))
         carried.append(
-            CarriedLimb(time=trial.motion.time, rows=rows, wrench=wrench, candidates=whole & known)
+            CarriedLimb(
+                time=swing.time, rows=swing.slow, wrench=wrench, candidates=swing.whole & known
+            )
         )
     touching = touched_frames(carried, share, 0.5 * REACH / CUTOFF)
     result = []
