@@ -17,7 +17,14 @@ from myomorph.core.model.quantity import Quantity
 from myomorph.core.model.series import Markers, Motion
 from myomorph.core.model.units import MotionKind
 from myomorph.core.motion.lengths import coordinate_units
-from myomorph.core.motion.newton import SCOUT, Settings, frames_shown, solve_poses, task_arrays
+from myomorph.core.motion.newton import (
+    SCOUT,
+    Settings,
+    SolvedPoses,
+    frames_shown,
+    solve_poses,
+    task_arrays,
+)
 from myomorph.core.motion.pose_problem import PoseProblem
 from myomorph.core.motion.quantities import ASSUMED_AS, FIT, FITTED_COORDINATE, SENSOR_ERROR
 from myomorph.core.motion.starts import scout_poses, unbent_poses
@@ -250,21 +257,38 @@ def inverse_kinematics(
             f"none of the {len(markers)} frames shows a marker that the model has, or a sensor"
         )
 
-    starts = np.repeat(scout_poses(tree, problem, options.settings), SCOUT, axis=0)[: len(markers)]
-    solved = solve_poses(tree, problem, starts, options.settings, progress=progress)
-    unbent = unbent_poses(tree, problem, options.settings, solved.values)
-    if unbent is not None:
-        solved = solve_poses(tree, problem, unbent, options.settings._replace(chained=False))
+    solved, values = _solved(tree, problem, len(markers), options.settings, progress)
+    gaps = np.abs(closure(tree, values)).max(axis=1) if model.loops else None
+    fit = _kinematics_fit(model, markers, (names, weights), solved, values, gaps)
+    sensors = tuple(task.sensor for task in options.tasks if isinstance(task, OrientationTask))
+    fit = replace(fit, sensor_names=sensors) if sensors else fit
+    return (
+        fit if options.unseen == "default" else _with_unseen(tree, problem, fit, options.settings)
+    )
 
-    values = of_one_turn(tree, problem, of_one_branch(tree, problem, solved.values))
-    fit = KinematicsFit(
+
+def _kinematics_fit(
+    model: Model,
+    markers: Markers,
+    tracked: tuple[tuple[str, ...], Array],
+    solved: SolvedPoses,
+    values: Array,
+    gaps: Array | None,
+) -> KinematicsFit:
+    """Return the fit of markers by poses that were solved.
+
+    `tracked`: names and weights of the markers that count; `values`: (frames, coordinates)
+    [rad or m]; `gaps`: (frames,) of loops [m or rad], None without loops.
+    """
+    names, weights = tracked
+    return KinematicsFit(
         motion=_motion(model, markers, values),
         marker_names=names,
         marker_error=solved.errors[MarkerTask],
         marker_weight=weights,
         converged=solved.converged,
         iterations=solved.iterations,
-        loop_closure_error=np.abs(closure(tree, values)).max(axis=1) if model.loops else None,
+        loop_closure_error=gaps,
         unused_markers=tuple(name for name in markers.names if name not in names),
         missing_markers=tuple(name for name in model.marker_names if name not in markers.names),
         task_errors={
@@ -272,13 +296,27 @@ def inverse_kinematics(
             for kind, errors in solved.errors.items()
             if kind is not MarkerTask
         },
-        sensor_names=tuple(
-            task.sensor for task in options.tasks if isinstance(task, OrientationTask)
-        ),
     )
-    return (
-        fit if options.unseen == "default" else _with_unseen(tree, problem, fit, options.settings)
-    )
+
+
+def _solved(
+    tree: Tree,
+    problem: PoseProblem,
+    frames: int,
+    settings: Settings,
+    progress: Callable[[int], None] | None,
+) -> tuple[SolvedPoses, Array]:
+    """Solve all frames, and those that ended bent the wrong way again.
+
+    Returns what was solved, and coordinates (frames, coordinates) without turns and branches that
+    change from frame to frame [rad or m].
+    """
+    starts = np.repeat(scout_poses(tree, problem, settings), SCOUT, axis=0)[:frames]
+    solved = solve_poses(tree, problem, starts, settings, progress=progress)
+    unbent = unbent_poses(tree, problem, settings, solved.values)
+    if unbent is not None:
+        solved = solve_poses(tree, problem, unbent, settings._replace(chained=False))
+    return solved, of_one_turn(tree, problem, of_one_branch(tree, problem, solved.values))
 
 
 def _with_unseen(

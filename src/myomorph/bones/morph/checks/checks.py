@@ -7,6 +7,7 @@ target with the source, scaled to the target's size.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -93,45 +94,50 @@ def check_morph(
     advance(1.0)
     deep = _penetrations(morph, pairs, ours, theirs, options)
     advance(1.0)
-    folded = _folded(morph)
-    order = {arm.pair.source: _rank_correlation(arm) for arm in arms}
-    sizes = muscle_sizes(morph.source, morph.bones)
     longest = max((solid.length for solid in theirs.values()), default=np.inf)
+    checks = MorphChecks(
+        penetrations=tuple(sorted(deep, key=lambda penetration: -penetration.increase)),
+        arms=arms,
+        order=FrozenMap({arm.pair.source: _rank_correlation(arm) for arm in arms}),
+        folded=_folded(morph),
+        warnings=(),
+        options=options,
+        notes=tuple(notes),
+    )
+    warnings = sorted(
+        _warnings(morph, checks, longest),
+        key=lambda warning: (list(KINDS).index(warning.kind), -warning.size, warning.place),
+    )
+    advance(1.0)
+    return replace(checks, warnings=tuple(warnings))
+
+
+def _warnings(morph: Morph, checks: MorphChecks, longest: float) -> list[Finding]:
+    """Return what is beyond the limits of the checks; `longest`: bone of the target [m]."""
+    options = checks.options
+    sizes = muscle_sizes(morph.source, morph.bones)
     sliding = {
         coordinate.name
         for coordinate in morph.model.coordinates
         if coordinate.motion == "translational"
     }
-    warnings = [
-        *bone_warnings(deep, longest, options, sliding),
-        *arm_warnings(morph.source, arms, sizes, options),
-        *order_warnings(arms, order, options),
-        *(
-            Finding(
-                "fold",
-                m,
-                ATTACHMENTS.message(f"{m}: the map of {body} turns space inside out at {p}"),
-            )
-            for m, p, body in folded
-        ),
+    folds = (
+        Finding(
+            "fold",
+            m,
+            ATTACHMENTS.message(f"{m}: the map of {body} turns space inside out at {p}"),
+        )
+        for m, p, body in checks.folded
+    )
+    return [
+        *bone_warnings(checks.penetrations, longest, options, sliding),
+        *arm_warnings(morph.source, checks.arms, sizes, options),
+        *order_warnings(checks.arms, checks.order, options),
+        *folds,
         *surface_warnings(morph, longest, options),
         *fiber_warnings(morph, options),
         *joint_warnings(morph, longest, options),
     ]
-    advance(1.0)
-    deep.sort(key=lambda penetration: -penetration.increase)
-    warnings.sort(
-        key=lambda warning: (list(KINDS).index(warning.kind), -warning.size, warning.place)
-    )
-    return MorphChecks(
-        penetrations=tuple(deep),
-        arms=arms,
-        order=FrozenMap(order),
-        folded=folded,
-        warnings=tuple(warnings),
-        options=options,
-        notes=tuple(notes),
-    )
 
 
 def distinct_bones(morph: Morph) -> tuple[BoneMap, ...]:

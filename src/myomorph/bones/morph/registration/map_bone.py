@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -26,6 +27,7 @@ from myomorph.bones.morph.registration.nonrigid import (
     place_bone,
 )
 from myomorph.bones.morph.registration.smooth import MatchOptions
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.surface import Surface
@@ -105,41 +107,27 @@ def map_bone(
     match = match or MatchOptions()
     landmarks = landmarks if landmarks is not None and len(landmarks) else None
     advance = progress or (lambda _: None)
-    notes: list[str] = []
+    pair = _checked_pair(body, (source, target), landmarks, start, match)
+    source = pair.source
+    target = pair.target
+    notes = list(pair.notes)
     measures: dict[str, float] = {}
     basis: Basis = "landmarks"
-    if source is not None:
-        source = repaired_bone(source, f"the source's bone of '{body}'", notes)
-    placed = None
-    if target is not None:
-        target = repaired_bone(target, f"the bone of '{body}'", notes)
-        lies = None
-        if source is not None:
-            placed = place_bone(source, target, landmarks, start, match)
-            _check_side(body, placed, notes)
-            lies = placed.similarity
-        notes += check_bone(body, target, source, landmarks, lies)
     advance(1)
     if source is not None and target is not None and match.features == "dense":
         basis = "bone"
-        surface_match = match_surfaces(source, target, landmarks, match, placed)
+        surface_match = match_surfaces(source, target, landmarks, match, pair.placed)
         notes += surface_match.notes
         measures |= surface_match.quality.measures(surface_match.length)
         features = _features(body, surface_match, landmarks, match, map_options)
     elif landmarks is not None:
         features = landmarks
     else:
-        features = _found_by_rules(body, source, target, placed, notes)
+        features = _found_by_rules(body, source, target, pair.placed, notes)
     advance(1)
     features, mapping = _unfolded(features, landmarks, source, map_options)
     notes += feature_warnings(features)
-    inside_out = float(
-        np.mean(inverted(mapping, features.source if source is None else source.vertices))
-    )
-    if inside_out > 0:
-        notes.append(
-            f"the map turns space inside out at {100 * inside_out:.1f} % of the bone's vertices"
-        )
+    inside_out = _inside_out(mapping, features.source if source is None else source.vertices, notes)
     measures |= {"features": float(len(features)), "map inverted": inside_out}
     advance(1)
     return BoneMap(
@@ -154,6 +142,50 @@ def map_bone(
         measures=FrozenMap(measures),
         notes=tuple(dict.fromkeys(notes)),
     )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _CheckedPair:
+    """A bone's surfaces after repair, how one lies on the other where both are known, and notes."""
+
+    source: Surface | None
+    target: Surface | None
+    placed: PlacedBone | None
+    notes: tuple[str, ...]
+
+
+def _checked_pair(
+    body: str,
+    surfaces: tuple[Surface | None, Surface | None],
+    landmarks: FeaturePoints | None,
+    start: Similarity | None,
+    match: MatchOptions,
+) -> _CheckedPair:
+    """Repair a bone's surfaces of source and target, lay them on each other and check them."""
+    source, target = surfaces
+    notes: list[str] = []
+    if source is not None:
+        source = repaired_bone(source, f"the source's bone of '{body}'", notes)
+    placed = None
+    if target is not None:
+        target = repaired_bone(target, f"the bone of '{body}'", notes)
+        lies = None
+        if source is not None:
+            placed = place_bone(source, target, landmarks, start, match)
+            _check_side(body, placed, notes)
+            lies = placed.similarity
+        notes += check_bone(body, target, source, landmarks, lies)
+    return _CheckedPair(source=source, target=target, placed=placed, notes=tuple(notes))
+
+
+def _inside_out(mapping: PointMap, points: Array, notes: list[str]) -> float:
+    """Return the share of points (n, 3) [m] at which a map turns space inside out, with a note."""
+    share = float(np.mean(inverted(mapping, points)))
+    if share > 0:
+        notes.append(
+            f"the map turns space inside out at {100 * share:.1f} % of the bone's vertices"
+        )
+    return share
 
 
 def _found_by_rules(

@@ -109,39 +109,19 @@ def morph_model(
     refuse_path_functions(model.muscles, "morphing")
     _check(model, bones)
     transfers = {body: Transfer(bone, body) for body, bone in with_neighbors(model, bones).items()}
-    joints = transferred_joints(
-        model, transfers, CenterFinder(transfers, options.joints == "fitted", together)
-    )
+    finder = CenterFinder(transfers, options.joints == "fitted", together)
+    joints = transferred_joints(model, transfers, finder)
     links = bones_around(model, bones, surrounding)
     # Their joints stay where their neighbors' size puts them: the pose in which bones are compared
     # hangs on them.
     standing = (standing_poses(model), standing_poses(joints.skeleton)) if links else ({}, {})
     transfers |= link_carriers(links, transfers, *standing, {link: link for link in links})
+    skeleton = replace(joints.skeleton, name=name or model.name, warnings=())
     whole = SourceLines.of(model)
 
     def transferred(by: Transfers) -> tuple[Model, LinesOfAction]:
         lines = transferred_lines(whole, by, joints.travel, options.surface_within)
-        made = replace(
-            joints.skeleton,
-            gravity=by[GROUND].rotation @ model.gravity,
-            markers=tuple(transferred_marker(marker, by) for marker in model.markers),
-            actuators=tuple(transferred_actuator(actuator, by) for actuator in model.actuators),
-            loops=tuple(transferred_tie(loop, by) for loop in model.loops),
-            frames=tuple(
-                replace(frame, pose=by[frame.body].pose(frame.pose)) for frame in model.frames
-            ),
-            ground_meshes=tuple(transferred_mesh(mesh, by[GROUND]) for mesh in model.ground_meshes),
-            bushings=tuple(transferred_tie(bushing, by) for bushing in model.bushings),
-            name=name or model.name,
-            bodies=of_mass(
-                tuple(transferred_body(body, by[body.name]) for body in model.bodies), mass
-            ),
-            muscles=lines.muscles,
-            ligaments=lines.ligaments,
-            wrap_objects=lines.wrap_objects,
-            warnings=(),
-        )
-        return made, lines
+        return _with_parts(skeleton, model, lines, by, mass), lines
 
     if options.balance:
         transfers = balanced_links(model, links, transfers, lambda by: transferred(by)[0])
@@ -156,6 +136,32 @@ def morph_model(
     )
     morph = _morph(paths, options, progress=progress)
     return replace(morph, joints=joints.rebuilt, notes=(*morph.notes, *not_transferred(model)))
+
+
+def _with_parts(
+    skeleton: Model, source: Model, lines: LinesOfAction, by: Transfers, mass: float | None
+) -> Model:
+    """Return transferred joints with all else that is fixed to the source's bodies.
+
+    `mass`: of the new model [kg]; None to let masses grow with the bones' volumes.
+    """
+    bodies = tuple(transferred_body(body, by[body.name]) for body in source.bodies)
+    return replace(
+        skeleton,
+        gravity=by[GROUND].rotation @ source.gravity,
+        markers=tuple(transferred_marker(marker, by) for marker in source.markers),
+        actuators=tuple(transferred_actuator(actuator, by) for actuator in source.actuators),
+        loops=tuple(transferred_tie(loop, by) for loop in source.loops),
+        frames=tuple(
+            replace(frame, pose=by[frame.body].pose(frame.pose)) for frame in source.frames
+        ),
+        ground_meshes=tuple(transferred_mesh(mesh, by[GROUND]) for mesh in source.ground_meshes),
+        bushings=tuple(transferred_tie(bushing, by) for bushing in source.bushings),
+        bodies=of_mass(bodies, mass),
+        muscles=lines.muscles,
+        ligaments=lines.ligaments,
+        wrap_objects=lines.wrap_objects,
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -302,16 +302,7 @@ def identify_specimen(
     # side.
     with threadpool_limits(1, "blas"), ThreadPoolExecutor(2) as pool:
         outcomes = pool.map(lambda swings: _solved(swings, options), recordings.values())
-        solutions: dict[str, ConditionSolution] = {}
-        notes: list[str] = []
-        for condition, outcome in zip(recordings, outcomes, strict=True):
-            if isinstance(outcome, str):
-                notes.append(f"{STATES[condition]}: {outcome}")
-            else:
-                solutions[condition] = outcome
-        if not solutions:
-            raise BadData(f"specimen '{name}': " + "; ".join(notes))
-
+        solutions, notes = _sorted_out(name, dict(zip(recordings, outcomes, strict=True)))
         identified = {
             condition: _condition(solution, recordings[condition], options, STREAMS[condition])
             for condition, solution in solutions.items()
@@ -334,6 +325,22 @@ def identify_specimen(
         notes=tuple(notes),
         least_muscle_mass=least_muscle_mass,
     )
+
+
+def _sorted_out(
+    name: str, outcomes: Mapping[str, ConditionSolution | str]
+) -> tuple[dict[str, ConditionSolution], list[str]]:
+    """Return the conditions that were solved, and a note on each other; raises `BadData`."""
+    solutions: dict[str, ConditionSolution] = {}
+    notes: list[str] = []
+    for condition, outcome in outcomes.items():
+        if isinstance(outcome, str):
+            notes.append(f"{STATES[condition]}: {outcome}")
+        else:
+            solutions[condition] = outcome
+    if not solutions:
+        raise BadData(f"specimen '{name}': " + "; ".join(notes))
+    return solutions, notes
 
 
 def _solved(
