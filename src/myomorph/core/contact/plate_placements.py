@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from myomorph.core.contact.plates import plate_axes, plate_wrench
+from myomorph.core.fit.trends import running_mean
 from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only, runs
 from myomorph.core.model.errors import BadData, check_name
 from myomorph.core.model.model import STANDARD_GRAVITY
@@ -276,8 +276,8 @@ def _speed(markers: Markers, weight: MarkedWeight) -> Array:
     frames = np.arange(len(markers))
     seen: Array = np.isfinite(values[:, :, :1]).astype(np.float64)
     width = 2 * (reach // 2) + 1
-    shares = scipy.ndimage.uniform_filter1d(seen, width, axis=0)
-    sums = scipy.ndimage.uniform_filter1d(np.where(seen > 0, values, 0.0), width, axis=0)
+    shares = running_mean(seen, width)
+    sums = running_mean(np.where(seen > 0, values, 0.0), width)
     smooth = sums / np.where(shares > 1e-9, shares, np.nan)
     before = np.maximum(frames - reach, 0)
     after = np.minimum(frames + reach, len(frames) - 1)

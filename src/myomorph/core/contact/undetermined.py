@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from myomorph.core.contact.force_inspection import (
@@ -19,6 +18,7 @@ from myomorph.core.contact.force_inspection import (
     sole_distances,
 )
 from myomorph.core.contact.states import steady
+from myomorph.core.fit.trends import running_mean
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.causes import FEET_BESIDE
 from myomorph.core.model.findings import Finding, spans_of, times_text
@@ -244,8 +244,8 @@ def _centers_of_pressure(wrenches: Wrenches, duration: float) -> Array:
     window = max(1, round(duration / float(np.median(np.diff(wrenches.time)))))
     weights = np.linalg.norm(np.nan_to_num(wrenches.forces), axis=2, keepdims=True)
     weighted_points = weights * np.nan_to_num(wrenches.points)
-    mean_points = scipy.ndimage.uniform_filter1d(weighted_points, window, axis=0)
-    mean_weights = scipy.ndimage.uniform_filter1d(weights, window, axis=0)
+    mean_points = running_mean(weighted_points, window)
+    mean_weights = running_mean(weights, window)
     return mean_points / np.maximum(mean_weights, 1e-12)
 
 

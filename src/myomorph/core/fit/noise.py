@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from myomorph.core.fit.correlation import correlation_times
+from myomorph.core.fit.trends import detrended
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.errors import BadData, check_name
 
@@ -196,7 +196,7 @@ def spectrum_floor(values: Array) -> Array:
             continue
         # A window lets little of the slow movement leak into fast frequencies.
         window = np.hanning(frames)
-        smooth = scipy.signal.detrend(own[start:stop], axis=0) * window[:, None]
+        smooth = detrended(own[start:stop]) * window[:, None]
         power = np.square(np.abs(np.fft.rfft(smooth, axis=0))) / np.square(window).sum()
         band = power[int(FLOOR_BAND * (len(power) - 1)) : -1]
         floor[item] = np.sqrt(np.mean(band))

@@ -17,9 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from myomorph.core.fit.spectra import SEGMENT, sine_tapers
+from myomorph.core.fit.trends import detrended, running_mean
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
@@ -132,7 +132,7 @@ def _carried(model: Model, accelerations: Array, measured: Array, rate: float) -
     needed = lowpass(accelerations @ up, rate, SLOW)
     weighed = lowpass(np.where(known, np.nan_to_num(measured) @ up, needed), rate, SLOW)
     frames = max(1, round(WINDOW * rate))
-    missing = scipy.ndimage.uniform_filter1d(needed - weighed, frames)
+    missing = running_mean(needed - weighed, frames)
     return np.asarray(known & (np.abs(missing) < MAX_MISSING * gravity))
 
 
@@ -171,8 +171,8 @@ class _CrossSpectra:
         force = np.zeros(shape)
         for start in starts:
             part = slice(start, start + length)
-            moved = tapers * scipy.signal.detrend(accelerations[part], axis=0)
-            forced = tapers * scipy.signal.detrend(measured[part], axis=0)
+            moved = tapers * detrended(accelerations[part])
+            forced = tapers * detrended(measured[part])
             of_motion = np.fft.rfft(moved, axis=1)[:, 1:] / gain[:, None]
             of_force = np.fft.rfft(forced, axis=1)[:, 1:]
             product += (np.conj(of_motion) * of_force).sum(axis=0)

@@ -19,6 +19,7 @@ from myomorph.core.rigid.kernel_code import Key, call_key, stored_code, stored_k
 from myomorph.core.rigid.kernel_files import can_keep_kernels, kernel_folder
 
 _INTERPRETED = ContextVar("_INTERPRETED", default=False)
+_UNCOMPILED = ContextVar("_UNCOMPILED", default=False)
 _LOCK = RLock()
 _OVERLOADS: list[tuple[Callable[..., Any], Callable[..., Any]]] = []
 """Functions that kernels call, with what makes their code, of which Numba does not know yet."""
@@ -55,9 +56,11 @@ class Kernel:
     def _new_form(self, key: Key | None) -> Callable[..., Any]:
         """Take the code for arguments of some types from the disk, or else Numba's dispatcher."""
         with _LOCK:
-            form = self._forms.get(key) or stored_code(self.py_func, key) or self.dispatcher
-            self._forms[key] = form
-        return form
+            form = self._forms.get(key) or stored_code(self.py_func, key)
+            if form is None and _UNCOMPILED.get():
+                return interpreted()(self.py_func)
+            self._forms[key] = form or self.dispatcher
+        return self._forms[key]
 
     @property
     def forms(self) -> int:
@@ -167,6 +170,16 @@ def interpreted() -> Iterator[None]:
         yield
     finally:
         _INTERPRETED.reset(before)
+
+
+@contextmanager
+def uncompiled() -> Iterator[None]:
+    """Nothing is compiled in here: kernels whose code is not on disk run as Python."""
+    before = _UNCOMPILED.set(True)
+    try:
+        yield
+    finally:
+        _UNCOMPILED.reset(before)
 
 
 def signatures_on_disk(kernel: Kernel) -> list[Key]:

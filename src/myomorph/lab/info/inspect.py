@@ -171,10 +171,10 @@ def _arm_warnings(model: Model) -> tuple[Message, ...]:
     if not model.muscles:
         return ()
     from myomorph.core.muscles.published_arms import arm_warnings
-    from myomorph.core.rigid.kernels import interpreted
+    from myomorph.core.rigid.kernels import uncompiled
 
     # Compiling takes half a minute; a few poses of a few muscles take less than a second without.
-    with interpreted(), np.errstate(all="ignore"):
+    with uncompiled(), np.errstate(all="ignore"):
         try:
             return arm_warnings(model)
         except ZeroDivisionError:
