@@ -15,7 +15,7 @@ from myomorph.core.contact.assign import assign_bodies
 from myomorph.core.contact.held_objects import raised_contacts
 from myomorph.core.contact.site_motion import site_motion
 from myomorph.core.contact.sites import body_sites
-from myomorph.core.contact.states import hysteresis
+from myomorph.core.contact.spells import hysteresis
 from myomorph.core.io.loads import read_external_loads
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.contacts import Site

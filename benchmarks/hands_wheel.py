@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.core.contact.states import hysteresis
+from myomorph.core.contact.spells import hysteresis
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.motion.filters import lowpass
 from myomorph.core.motion.splines import natural_spline

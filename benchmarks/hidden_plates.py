@@ -18,12 +18,12 @@ from benchmarks.recordings import RECORDINGS, read_markers
 from myomorph.body.identify.recordings import RecordingOptions, usable
 from myomorph.core.contact.site_motion import plate_height, rest_on_floor, site_motion
 from myomorph.core.contact.sites import body_sites, foot_sites
+from myomorph.core.contact.spells import steady
 from myomorph.core.contact.states import (
     ActivationOptions,
     ContactStateOptions,
     contact_activations,
     preferred_directions,
-    steady,
 )
 from myomorph.core.io.loads import read_external_loads
 from myomorph.core.io.osim.setup_parts import read_ik_tasks

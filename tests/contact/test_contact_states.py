@@ -13,6 +13,7 @@ import pytest
 
 from measured_walk import measured_walk
 from myomorph.core.contact.site_motion import SiteMotion, floor_under, site_motion
+from myomorph.core.contact.spells import hysteresis, steady
 from myomorph.core.contact.states import (
     ActivationOptions,
     ContactStateOptions,
@@ -20,10 +21,8 @@ from myomorph.core.contact.states import (
     contact_activations,
     fade,
     find_contacts,
-    hysteresis,
     merge_contacts,
     preferred_directions,
-    steady,
 )
 from myomorph.core.model.contacts import Contacts, Site, Touch
 from myomorph.core.model.errors import BadData

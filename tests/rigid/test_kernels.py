@@ -204,7 +204,7 @@ def test_arguments_are_ours_where_all_their_classes_are():
 
 
 ANNOUNCED = """
-from myomorph.core.rigid.kernels import before_compiling
+from myomorph.core.rigid.compile_notices import before_compiling
 from doubled import double
 calls = []
 before_compiling(lambda folder, can_keep: calls.append(can_keep))

@@ -18,13 +18,8 @@ from benchmarks.errors import rms
 from benchmarks.hidden_plates import CASES, Hidden, estimated, feet_of, foot_wrench, opened
 from myomorph.core.contact.plate_forces import PlateForces
 from myomorph.core.contact.shared import shared_wrenches
-from myomorph.core.contact.states import (
-    ActivationOptions,
-    ContactStateOptions,
-    contact_activations,
-    hysteresis,
-    steady,
-)
+from myomorph.core.contact.spells import hysteresis, steady
+from myomorph.core.contact.states import ActivationOptions, ContactStateOptions, contact_activations
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.series import Table
 from myomorph.core.tension.tension import Tension

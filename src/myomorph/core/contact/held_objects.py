@@ -11,14 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from myomorph.core.contact.site_motion import site_motion
+from myomorph.core.contact.spells import hysteresis, steady
 from myomorph.core.contact.states import (
     KINEMATICS,
     ActivationOptions,
     ContactStateOptions,
     contact_activations,
     find_contacts,
-    hysteresis,
-    steady,
     touches_of,
 )
 from myomorph.core.model.arrays import Array

@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.core.contact.states import steady
+from myomorph.core.contact.spells import steady
 from myomorph.core.contact.unloaded import Zero, zero_of
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import PLATES

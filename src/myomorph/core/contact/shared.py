@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from myomorph.core.contact.plate_forces import PlateForces, over_outline
 from myomorph.core.contact.site_motion import SiteMotion, site_motion
-from myomorph.core.contact.states import hysteresis, steady
+from myomorph.core.contact.spells import hysteresis, steady
 from myomorph.core.model.causes import PLATES
 from myomorph.core.model.contacts import Contacts, SharedWrench, Site
 from myomorph.core.model.frozen_map import grouped

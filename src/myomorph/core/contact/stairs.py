@@ -23,7 +23,7 @@ from myomorph.core.contact.cell_units import (
     component_factor,
     moments_in_millimeters,
 )
-from myomorph.core.contact.states import hysteresis, steady
+from myomorph.core.contact.spells import hysteresis, steady
 from myomorph.core.model.arrays import Array, freeze, frozen_array, read_only
 from myomorph.core.model.causes import PLATES, UNITS
 from myomorph.core.model.errors import BadData

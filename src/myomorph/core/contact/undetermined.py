@@ -17,7 +17,7 @@ from myomorph.core.contact.force_inspection import (
     ground_velocity,
     sole_distances,
 )
-from myomorph.core.contact.states import steady
+from myomorph.core.contact.spells import steady
 from myomorph.core.fit.trends import running_mean
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.causes import FEET_BESIDE

@@ -11,20 +11,17 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import update_wrapper
-from pathlib import Path
 from threading import RLock
 from typing import Any
 
+from myomorph.core.rigid.compile_notices import announce
 from myomorph.core.rigid.kernel_code import Key, call_key, stored_code, stored_keys
-from myomorph.core.rigid.kernel_files import can_keep_kernels, kernel_folder
 
 _INTERPRETED = ContextVar("_INTERPRETED", default=False)
 _UNCOMPILED = ContextVar("_UNCOMPILED", default=False)
 _LOCK = RLock()
 _OVERLOADS: list[tuple[Callable[..., Any], Callable[..., Any]]] = []
 """Functions that kernels call, with what makes their code, of which Numba does not know yet."""
-_ANNOUNCED: dict[Callable[[Path, bool], None], bool] = {}
-"""Listeners of `before_compiling`, and whether each was called."""
 
 
 class Kernel:
@@ -80,7 +77,7 @@ class Kernel:
         from myomorph.core.rigid.kernel_cache import dispatcher_of
 
         _register_overloads()
-        return dispatcher_of(self.py_func, self.options, _announce)
+        return dispatcher_of(self.py_func, self.options, announce)
 
     @property
     def _numba_type_(self) -> Any:
@@ -185,20 +182,3 @@ def uncompiled() -> Iterator[None]:
 def signatures_on_disk(kernel: Kernel) -> list[Key]:
     """List the argument types for which code of a kernel, of the present sources, is on disk."""
     return stored_keys(kernel.py_func)
-
-
-def before_compiling(listener: Callable[[Path, bool], None]) -> None:
-    """Call a listener once, before the first kernel of this process is compiled.
-
-    Parameters
-    ----------
-    listener : takes the folder of kernels and whether their code can be stored there
-    """
-    _ANNOUNCED.setdefault(listener, False)
-
-
-def _announce() -> None:
-    """Call the listeners that were not called yet."""
-    for listener in [listener for listener, called in _ANNOUNCED.items() if not called]:
-        _ANNOUNCED[listener] = True
-        listener(kernel_folder(), can_keep_kernels())

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from myomorph.core.model.errors import UnknownName, check_name, one_line
 from myomorph.core.model.extension import is_own, load
 from myomorph.core.model.registry import new_remarks
-from myomorph.core.rigid.kernels import before_compiling
+from myomorph.core.rigid.compile_notices import before_compiling
 from myomorph.lab.cli.failures import BAD_INPUT, failure_of
 
 if TYPE_CHECKING:

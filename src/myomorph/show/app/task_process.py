@@ -16,7 +16,7 @@ import threading
 import warnings
 from typing import IO, Any
 
-from myomorph.core.rigid.kernels import before_compiling
+from myomorph.core.rigid.compile_notices import before_compiling
 from myomorph.lab.cli.failures import failure_of
 from myomorph.show.app.tasks import do
 

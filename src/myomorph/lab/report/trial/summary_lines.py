@@ -7,21 +7,22 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from myomorph.body.calibrate.calibration import SOURCES, Calibration
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import few
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import impossible_fibers
 from myomorph.core.model.series import Markers, Motion, Series, Wrenches
 from myomorph.core.motion.ik import KinematicsFit
-from myomorph.core.muscles.path_jumps import path_jumps
-from myomorph.core.tension.dual import MISSING
-from myomorph.core.tension.tension import Tension
 from myomorph.lab.analysis.center_of_mass import centroid
 from myomorph.lab.report.trial import tables
+
+if TYPE_CHECKING:
+    from myomorph.body.calibrate.calibration import Calibration
+    from myomorph.core.tension.tension import Tension
 
 # Share of a coordinate's torque that its muscles give at most where it has none that counts.
 ALONE = 1e-3
@@ -138,6 +139,8 @@ def residual_verdict(model: Model, motion: Motion, torques: Series, wrenches: Wr
 
 def tension_line(model: Model, tension: Tension) -> str:
     """Optimal frames, and the largest reserve with its unit, time and share of the torque."""
+    from myomorph.core.tension.dual import MISSING
+
     optimal = int(tension.optimal.sum())
     count = (
         "all frames optimal"
@@ -270,6 +273,9 @@ def _residual_unit(model: Model, name: str, coordinate: str) -> str:
 
 def calibration_line(calibration: Calibration) -> str:
     """Frames, markers, errors before and after, size, and whether the search ended."""
+    # Rooms of other steps are imported where their line is written.
+    from myomorph.body.calibrate.calibration import SOURCES
+
     count = sum(len(frame) for frame in calibration.frames)
     names = calibration.marker_names
     after = np.concatenate([errors.reshape(-1, len(names)) for errors in calibration.after])
@@ -397,6 +403,8 @@ def _jumps(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
 
     A path does so where it leaves a surface.
     """
+    from myomorph.core.muscles.path_jumps import path_jumps
+
     if len(time) < 3:
         return "too few frames to see jumps"
     jumps = path_jumps(time, lengths, velocities)

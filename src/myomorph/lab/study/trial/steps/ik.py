@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
 from myomorph.body.sensors.sensor_recording import SensorRecording, TrackedMarkers
 from myomorph.core.contact.site_motion import root_places, walked
 from myomorph.core.io.sto import table_from_motion, write_sto
@@ -100,6 +99,9 @@ def trial_motion(trial: TrialInputs) -> Motion:
 
 def _with_sensors(trial: TrialInputs, checked: CheckedFit | None) -> CheckedFit:
     """Return the fit of markers and sensors, or of sensors alone."""
+    # Recordings of markers alone never ask how sensors sit.
+    from myomorph.body.sensors.sensor_kinematics import sensor_kinematics
+
     options = trial.options
     recording = replace(trial.inputs[SensorRecording], sizes=options[SensorOptions])
     if checked is None:
