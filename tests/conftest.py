@@ -85,11 +85,11 @@ def told_of_no_wait() -> None:
     run a process of their own, or set the patience themselves.
     """
     # Here, because shapes are checked only in what is imported after `check_shapes`.
-    from myomorph.core.rigid import kernels
+    from myomorph.core.rigid import compile_notices
     from myomorph.lab.cli import program
     from myomorph.lab.store import progress
 
-    kernels._ANNOUNCED[program._say_that_kernels_compile] = True
+    compile_notices._ANNOUNCED[program._say_that_kernels_compile] = True
     progress.PATIENCE = math.inf
 
 

@@ -16,7 +16,7 @@ COMMAND = """
 import sys
 from myomorph.lab.cli import main
 status = main(sys.argv[1:])
-every = ("numba", "llvmlite", "pydantic", "h5py", "mujoco")
+every = ("numba", "llvmlite", "pydantic", "h5py", "mujoco", "scipy.signal", "scipy.stats")
 heavy = [name for name in every if name in sys.modules]
 print("LOADED", *heavy)
 sys.exit(status)
@@ -61,3 +61,30 @@ def test_info_of_a_model_with_knees_compiles_nothing(tmp_path):
     if not model.is_file():
         pytest.skip("hamner-run-subject04 is not there")
     assert loaded(tmp_path, "info", model) == []
+
+
+def test_steps_whose_kernels_are_on_disk_never_meet_numba(tmp_path, arm):
+    """The first run compiles what no command before it has left in the folder of kernels."""
+    model = ["--model", str(arm.model)]
+    motion = tmp_path / "motion.mot"
+    measured = [*model, "--motion", str(motion)]
+    commands = [
+        ["ik", *model, "--markers", str(arm.markers), "--out", str(motion)],
+        ["id", *measured, "--loads", str(arm.loads), "--out", str(tmp_path / "id.sto")],
+        ["muscles", *measured, "--out", str(tmp_path / "muscles")],
+        ["tension", *measured, "--loads", str(arm.loads), "--out", str(tmp_path / "tension")],
+    ]
+    environment = os.environ | {"PYTHONPATH": str(SOURCES)}
+    heavy = []
+    for _ in range(2):
+        heavy = []
+        for words in commands:
+            done = subprocess.run(
+                [sys.executable, "-c", COMMAND, *words],
+                env=environment,
+                capture_output=True,
+                text=True,
+                check=True,
+            )
+            heavy.append(done.stdout.splitlines()[-1].split()[1:])
+    assert all(set(names) <= {"llvmlite", "h5py"} for names in heavy), heavy

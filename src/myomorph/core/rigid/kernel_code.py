@@ -31,7 +31,7 @@ from myomorph.core.rigid.kernel_files import OURS, kernel_folder, source_digest
 
 FORM = 1  # Of the files; those of another are not read
 SUFFIX = ".code"
-UNLISTED = "MYOMORPH_NUMBA"
+NUMBA_ALONE = "MYOMORPH_NUMBA"
 """Environment variable by which all kernels run through Numba."""
 LAYOUTS = {0: "A", 1: "C", 2: "F", 3: "C"}
 """Order of an array's values by the first two of its flags."""
@@ -173,7 +173,7 @@ def stored_code(function: Callable[..., Any], key: Key | None) -> Callable[..., 
     -------
     the compiled function; None where it is not on disk or cannot run without Numba
     """
-    if key is None or os.environ.get(UNLISTED):
+    if key is None or os.environ.get(NUMBA_ALONE) or not kernel_folder().is_dir():
         return None
     path = _code_file(function, key)
     try:

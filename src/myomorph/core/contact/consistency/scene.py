@@ -418,7 +418,10 @@ def tilt(angles: Array, level: Array) -> Array:
     """
     vector = np.asarray(angles) @ level
     size = float(np.linalg.norm(vector))
-    matrix = np.cross(np.eye(3), vector / max(size, 1e-12))
+    if size == 0.0:
+        return np.eye(3)
+    x, y, z = vector / size
+    matrix = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(np.eye(3) + np.sin(size) * matrix + (1.0 - np.cos(size)) * matrix @ matrix)
 
 
