@@ -17,6 +17,8 @@ from myomorph.core.tension.tension import TensionOptions
 from myomorph.lab.analysis.columns import compared
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.results import read_result
+from myomorph.lab.store.stored_fit import get_fit
+from myomorph.lab.store.stored_tension import get_tension
 from myomorph.lab.study.trial.reporting import report_folder
 from myomorph.show.demo.demos import demo_model, demo_trial, run_demo
 from myomorph.show.simulate.squat import (
@@ -125,11 +127,9 @@ def test_simulated_demo_ends_near_its_truth(tmp_path):
     assert "nobody was measured" in page
     found = read_result(tmp_path / "squat.nc", leave_out=("moment_arm",))
     truth = store.get_truth(found)
-    tension = store.get_tension(found, TensionOptions())
+    tension = get_tension(found, TensionOptions())
     assert tension.optimal.all()
-    angles = {
-        one.name: one for one in compared(store.get_fit(found).motion, truth["coordinate_value"])
-    }
+    angles = {one.name: one for one in compared(get_fit(found).motion, truth["coordinate_value"])}
     assert all(angles[f"knee_angle_{side}"].rmse < np.deg2rad(1.0) for side in "rl")
     torques = {
         one.name: one for one in compared(store.get_torques(found), truth["generalized_force"])

@@ -26,6 +26,8 @@ from myomorph.lab.store.results import (
     value_source,
     whole_folder,
 )
+from myomorph.lab.store.stored_fit import get_fit, put_fit
+from myomorph.lab.store.stored_tension import get_tension
 
 TIME = np.arange(5) / 10.0
 NAMES = ("a", "b", "c")
@@ -61,8 +63,8 @@ def test_series_survive(tmp_path, values):
     np.testing.assert_array_equal(store.get_emg(found).values, emg.values)
     assert store.get_events(found) == events
     np.testing.assert_array_equal(store.get_truth(found)["coordinate_value"].values, 2 * values)
-    assert store.get_tension(found, None) is None
-    assert store.get_fit(found) is None
+    assert get_tension(found, None) is None
+    assert get_fit(found) is None
 
 
 def test_forces_of_which_none_is_left_are_no_forces(tmp_path, values):
@@ -98,8 +100,8 @@ def test_fit_survives_with_gaps(tmp_path, values):
         missing_markers=(),
     )
     with new_result(tmp_path / "x.nc") as writer:
-        store.put_fit(writer, fit, Model())
-    back = store.get_fit(read_result(tmp_path / "x.nc"))
+        put_fit(writer, fit, Model())
+    back = get_fit(read_result(tmp_path / "x.nc"))
     np.testing.assert_array_equal(back.marker_error, errors)
     np.testing.assert_array_equal(back.converged, fit.converged)
     assert (back.unused_markers, back.missing_markers) == (("x",), ())

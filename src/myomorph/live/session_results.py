@@ -20,6 +20,7 @@ from myomorph.lab.store import stored as store
 from myomorph.lab.store.quantity_files import quantity_table, write_series
 from myomorph.lab.store.results import STORED, new_result
 from myomorph.lab.store.settings import with_settings
+from myomorph.lab.store.stored_tension import put_tension
 from myomorph.lab.store.uncertainty_store import put_uncertainty
 from myomorph.lab.uncertainty.spread import Spread, Uncertainty
 from myomorph.live.limits import TABLES
@@ -122,7 +123,7 @@ class SessionResults:
             store.put_derivatives(writer, motion, model)
             store.put_torques(writer, torques, self._wrenches(time, rows))
             acts = {actuator.name: actuator.coordinate for actuator in model.actuators}
-            store.put_tension(
+            put_tension(
                 writer, tension, tuple(acts.get(name, "") for name in tension.reserve_names)
             )
             writer.fact("trial", STEP)

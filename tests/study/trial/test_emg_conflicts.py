@@ -6,7 +6,7 @@ import pytest
 
 from myomorph.core.tension.emg_conflicts import EmgConflict
 from myomorph.lab.store.results import new_result, read_result
-from myomorph.lab.store.stored import get_conflicts, put_conflicts
+from myomorph.lab.store.stored_tension import get_conflicts, put_conflicts
 
 
 @pytest.mark.parametrize("count", [0, 2])

@@ -25,7 +25,7 @@ from myomorph.lab.report.trial.muscle_sections import _fiber_lines, fiber_sectio
 from myomorph.lab.report.trial.prepared import prepare
 from myomorph.lab.report.trial.report_input import Kinematics, ReportInput
 from myomorph.lab.store.results import new_result, read_result
-from myomorph.lab.store.stored import get_tension, put_tension
+from myomorph.lab.store.stored_tension import get_tension, put_tension
 from myomorph.lab.study.step.step import StepOutput
 from myomorph.lab.study.trial.fiber_step import (
     LARGE_STRAIN,

@@ -19,7 +19,7 @@ from myomorph.core.motion.emg_activation import EmgCalibration
 from myomorph.core.tension.emg_conflicts import conflict_line
 from myomorph.core.tension.emg_quantities import CHANNELS, CONFLICTS, TABLE
 from myomorph.core.tension.tension import Tension
-from myomorph.lab.store.stored import put_conflicts
+from myomorph.lab.store.stored_tension import put_conflicts
 from myomorph.lab.study.step.step import StepOutput
 
 

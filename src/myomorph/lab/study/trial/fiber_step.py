@@ -34,7 +34,7 @@ from myomorph.lab.analysis.joint_loads import own_strides
 from myomorph.lab.analysis.strides import Strides
 from myomorph.lab.store.quantity_files import write_series
 from myomorph.lab.store.results import Stored
-from myomorph.lab.store.stored import get_fibers
+from myomorph.lab.store.stored_tension import get_fibers
 from myomorph.lab.study.step.step import StepOutput
 from myomorph.lab.study.trial.trial_inputs import Signals, Value, tidy_signals
 

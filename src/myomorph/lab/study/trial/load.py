@@ -29,6 +29,8 @@ from myomorph.lab.analysis.walking import walking_strides
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.quantity_table import stated_quantities
 from myomorph.lab.store.results import Stored, read_result, result_files
+from myomorph.lab.store.stored_fit import get_fit
+from myomorph.lab.store.stored_tension import get_tension
 from myomorph.lab.store.uncertainty_store import get_uncertainty
 from myomorph.lab.uncertainty.spread import Uncertainty
 
@@ -89,7 +91,7 @@ class TrialResult:
     @cached_property
     def fit(self) -> KinematicsFit | None:
         """Of inverse kinematics."""
-        return store.get_fit(self.stored)
+        return get_fit(self.stored)
 
     @cached_property
     def motion(self) -> Motion | None:
@@ -109,7 +111,7 @@ class TrialResult:
     @cached_property
     def tension(self) -> Tension | None:
         """Muscle tensions."""
-        return store.get_tension(self.stored, TensionOptions())
+        return get_tension(self.stored, TensionOptions())
 
     @cached_property
     def uncertainty(self) -> Uncertainty | None:

@@ -36,6 +36,7 @@ from myomorph.lab.analysis.walking import (
 from myomorph.lab.causes import STRIDES
 from myomorph.lab.store import stored as store
 from myomorph.lab.store.results import Stored
+from myomorph.lab.store.stored_fit import get_fit
 from myomorph.lab.study.trial.trial_inputs import Value
 
 ANGLES = "joint angle [°]"
@@ -221,7 +222,7 @@ def _points(stored: Stored, model: Model, plan: StridePlan) -> tuple[tuple[Limb,
     """Limbs, the places of their points and of the trunk, and what the trunk is called."""
     motion = store.get_motion(stored)
     if _by_feet(model, plan):
-        points = walking_points(model, motion, store.get_fit(stored))
+        points = walking_points(model, motion, get_fit(stored))
         return walking_limbs(model), points, points.names[-1]
     limbs, trunk = limbs_of(model, plan)
     bodies = list(

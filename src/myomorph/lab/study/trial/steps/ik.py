@@ -44,6 +44,7 @@ from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.progress import progress
 from myomorph.lab.store.quantity_files import write_series
 from myomorph.lab.store.results import Stored, get_findings, put_findings
+from myomorph.lab.store.stored_fit import get_fit, put_fit
 from myomorph.lab.study.inputs.input import ByType, OptionSet
 from myomorph.lab.study.inputs.motion import RecordedMotion
 from myomorph.lab.study.inputs.refined import RefinedMotion, refined_fit
@@ -197,7 +198,7 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     fit = checked.fit
     write_series(output.folder, replace(fit.motion, quantity=COORDINATE_VALUE), trial.model)
     write_sto(error_table(fit), output.folder / MARKER_ERROR.file)
-    store.put_fit(writer, fit, trial.model)
+    put_fit(writer, fit, trial.model)
     if recorded is not None:
         kept = np.isin(recorded.time, fit.motion.time)
         shown = replace(recorded, time=fit.motion.time, values=recorded.values[kept])
@@ -213,7 +214,7 @@ def recorded_poses(trial: TrialInputs) -> Poses:
 
 
 def _read(stored: Stored, options: OptionSet) -> Poses | None:
-    fit = store.get_fit(stored)
+    fit = get_fit(stored)
     if fit is None:
         return Poses(store.get_motion(stored)) if COORDINATE_VALUE.name in stored.values else None
     findings = get_findings(stored, FINDINGS)
@@ -232,7 +233,7 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
 
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
-    fit = store.get_fit(stored)
+    fit = get_fit(stored)
     coordinates = store.get_derivatives(stored) if fit is None else None
     if fit is None and coordinates is None and COORDINATE_VALUE.name in stored.values:
         coordinates = store.get_motion(stored)
@@ -254,7 +255,7 @@ def _numbers(stored: Stored, model: Model, strides: TrialStrides | None) -> Iter
         yield Value(
             step="ik", quantity="duration", value=float(stored.time[-1] - stored.time[0]), unit="s"
         )
-    fit = store.get_fit(stored)
+    fit = get_fit(stored)
     if fit is not None and np.isfinite(fit.marker_error).any():
         yield Value(
             step="ik",

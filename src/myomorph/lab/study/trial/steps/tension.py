@@ -76,7 +76,7 @@ from myomorph.lab.store.progress import progress
 from myomorph.lab.store.quantity_files import write_series
 from myomorph.lab.store.results import Stored, get_findings, put_findings
 from myomorph.lab.store.settings import Differentiation, EmgUse, ForceOptions, TensionTables
-from myomorph.lab.store.stored import get_conflicts
+from myomorph.lab.store.stored_tension import get_conflicts, get_tension, put_tension
 from myomorph.lab.study.inputs.actuators import Actuators
 from myomorph.lab.study.inputs.emg import RecordedEmg
 from myomorph.lab.study.inputs.input import ByType, OptionSet
@@ -389,7 +389,7 @@ def _driven(task: TensionTask) -> dict[str, str]:
 
 def _write_tension(tension: Tension, task: TensionTask, output: StepOutput) -> None:
     driven = _driven(task)
-    store.put_tension(
+    put_tension(
         output.writer, tension, tuple(driven.get(name, "") for name in tension.reserve_names)
     )
     columns = (
@@ -457,7 +457,7 @@ def _write_warnings(
 
 
 def _read(stored: Stored, options: OptionSet) -> Tensions | None:
-    tension = store.get_tension(stored, options[TensionOptions])
+    tension = get_tension(stored, options[TensionOptions])
     if tension is None:
         return None
     carried = contact_store.get_forces_with_contacts(stored)
@@ -489,7 +489,7 @@ def _hashed(trial: TrialInputs) -> Sequence[object]:
 
 
 def _show(report_input: ReportInput, stored: Stored) -> ReportInput:
-    tension = store.get_tension(stored, TensionOptions())
+    tension = get_tension(stored, TensionOptions())
     forces = contact_store.get_contact_forces(stored)
     carried = contact_store.get_forces_with_contacts(stored)
     dynamics = replace(
