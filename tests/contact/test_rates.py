@@ -83,7 +83,7 @@ def test_forces_that_are_a_usual_ratio_too_short_are_asked_for_their_rate(clean)
         clean.wrenches.time <= clean.motion.time[-1] + 1e-9
     )
     forces = clean.wrenches.frames(inside)
-    with pytest.raises(BadData, match="look whether both rates are right in Hz"):
+    with pytest.raises(BadData, match="check whether both rates are right in Hz"):
         resample_wrenches(paced(forces, 0.5), clean.motion.time)
     cut = forces.frames(forces.time < np.quantile(forces.time, 0.71))
     with pytest.raises(BadData) as refused:

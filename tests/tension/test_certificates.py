@@ -327,7 +327,7 @@ def test_reactions_take_contact_forces_along(walk):
 def test_what_cannot_be_asked_is_named(walk):
     model, motion, task = walk
     problem, tension = solved(model, motion, task, None)
-    with pytest.raises(BadData, match="frame 99 is asked for"):
+    with pytest.raises(BadData, match="frame 99 is requested"):
         contact_intervals(problem, tension, [99])
     assert np.isnan(
         contact_intervals(problem, tension, [0], CertificateOptions(near=0.0)).near_low

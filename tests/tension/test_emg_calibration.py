@@ -298,7 +298,7 @@ def test_what_cannot_be_used_is_named(pair):
         emg_targets(emg, {"flex": ["BRA"]}, model, motion.time)
     with pytest.raises(BadData, match="no time in common"):
         emg_targets(Emg(emg.time + 100.0, emg.names, emg.values), PAIR, model, motion.time)
-    with pytest.raises(BadData, match="no EMG channel tells of a muscle"):
+    with pytest.raises(BadData, match="no EMG channel belongs to a muscle"):
         emg_targets(emg, {"flexor": []}, model, motion.time)
     with pytest.raises(BadData, match="none was given"):
         calibrate_emg(model, [], PAIR)

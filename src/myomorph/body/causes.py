@@ -16,8 +16,10 @@ SIDES = Cause(
     key="sides",
     title="Sides of the body that differ",
     gravity="may change results",
-    effect="Lengths and markers of both sides were found apart from each other.",
-    remedy="Look whether the person is so, or markers of one side lie elsewhere.",
+    effect="Lengths and markers of both sides were found separately.",
+    remedy=(
+        "Check whether the person is asymmetric, or markers of one side are placed asymmetrically."
+    ),
     quantities=("coordinate_value",),
 )
 SEARCH = Cause(
@@ -54,7 +56,7 @@ COUNTERPARTS = Cause(
     key="counterparts",
     title="Parts that two models do not share",
     gravity="may change results",
-    effect="What one model lacks stays as it was in the other.",
+    effect="What is missing in one model stays as it was in the other.",
     remedy="Look at the parts named.",
 )
 PERSONAL_MUSCLES = Cause(

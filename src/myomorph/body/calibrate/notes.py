@@ -97,8 +97,8 @@ def marker_notes(markers: Sequence[MarkerEstimate], unit: float) -> Iterator[Mes
     if far:
         yield (
             MARKERS.message(
-                f"more than {100 * limit:.3g} cm from their places on the given model:"
-                f" {', '.join(far)}; look whether they are named as the model names them"
+                f"more than {100 * limit:.3g} cm from their positions on the given model:"
+                f" {', '.join(far)}; check whether their names are those of the model"
             )
         )
 
@@ -124,7 +124,8 @@ def side_notes(sides: Sequence[SideEstimate]) -> Iterator[Message]:
         yield (
             SIDES.message(
                 f"sides differ more than side_sd allows: {', '.join(differing)}; they were set"
-                " free: look whether the person is so, or markers of one side lie elsewhere"
+                " free: check whether the person is asymmetric, or markers of one side are placed"
+                " asymmetrically"
             )
         )
 

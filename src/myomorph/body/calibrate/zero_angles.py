@@ -208,7 +208,7 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[Message, ...
     generic = sum(zero.source == GENERIC for zero in wide)
     cause = "90 % intervals"
     if generic:
-        cause = f"{generic} of them fixed by the generic model's marker places"
+        cause = f"{generic} of them fixed by the generic model's marker positions"
     cure = "" if static else "; a static trial (--static) with known angles fixes them"
     return (
         CALIBRATION.message(
@@ -270,8 +270,8 @@ def far_zeros(
     if mended:
         then = "calibrated on the static trial alone"
     text = CALIBRATION.message(
-        f"zero angles are far from the generic model's ({named}), for the motion turns bones as the"
-        f" model's joints cannot (a foot that bends, a shank that twists): {then}",
+        f"zero angles are far from the generic model's ({named}), for the motion rotates bones as"
+        f" the model's joints cannot (a foot that bends, a shank that twists): {then}",
         gravity="changes results",
     )
     return (Finding("far zero angles", far[0].coordinate, text, mended=mended),)

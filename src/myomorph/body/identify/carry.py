@@ -84,7 +84,7 @@ def carry_motion(
     if np.cross(lower.gravity, higher.gravity).any():
         raise BadData(
             f"models '{lower.name}' and '{higher.name}' have other verticals ({lower.gravity} and"
-            f" {higher.gravity} m/s^2): a motion is carried only in one laboratory"
+            f" {higher.gravity} m/s^2): a motion is transferred only in one laboratory"
         )
     points, places = _points(lower, transfer, options)
     tree = compile_tree(lower)

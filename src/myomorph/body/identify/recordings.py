@@ -474,7 +474,7 @@ def _up(model: Model, wrench: Array) -> Array:
     """
     size = float(np.linalg.norm(model.gravity))
     if size == 0.0:
-        raise BadData(f"model '{model.name}' has no gravity, so forces cannot tell its weight")
+        raise BadData(f"model '{model.name}' has no gravity, so forces cannot show its weight")
     return -(wrench[:, 3:] @ np.asarray(model.gravity)) / size
 
 

@@ -325,7 +325,7 @@ def _notes(result: _Result, options: PersonalizeOptions) -> list[Message]:
     if not any(np.isfinite(window.emg).any() for window in result.seen):
         notes.append(
             PERSONAL_MUSCLES.message(
-                "no EMG: torques alone tell little of single muscles, see the column 'identifiable'"
+                "no EMG: torques alone show little of single muscles, see the column 'identifiable'"
             )
         )
     if checked is None and options.hold_out:

@@ -84,8 +84,8 @@ def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[Message]:
         yield (
             causes.MASSES.message(
                 f"forces pull {len(left)} of {len(trials)} refined motions away from their markers:"
-                f" {listed}; see whether the subject's mass, the plates' zeros and clock are right,"
-                " and what else touched the body"
+                f" {listed}; check whether the subject's mass, the plates' zeros and clock are"
+                " right, and what else touched the body"
             )
         )
 

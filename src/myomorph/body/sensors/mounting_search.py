@@ -533,7 +533,7 @@ class MountingSearch:
         delay, likeness = first_guess.clock_delay(by_markers, by_sensors, at, MAX_DELAY)
         if not likeness > first_guess.MIN_LIKENESS:
             text = CLOCKS.message(
-                f"sensors and markers do not turn alike at any delay within {MAX_DELAY:g} s"
+                f"sensors and markers do not rotate alike at any delay within {MAX_DELAY:g} s"
                 f" (correlation {likeness:.2f}): are they of one trial, and on the bodies that"
                 " they name? Clocks are taken as one"
             )
@@ -641,7 +641,7 @@ def _of_heading(solved: Sequence[SolvedMounting]) -> tuple[Message, ...]:
     if not ratio < AMBIGUOUS:
         return ()
     text = SENSORS.message(
-        "the recording hardly tells which way the body faces in the calibration pose (another"
+        "the recording hardly shows which way the body faces in the calibration pose (another"
         f" heading fits {ratio:.2f} times as badly): name a sensor's axis that points"
         " forward (--imu-heading SENSOR=AXIS)",
         gravity="changes results",

@@ -128,7 +128,7 @@ SIZES = Cause(
     title="Distances between markers that do not fit",
     gravity="may change results",
     effect="Lengths of segments keep those of the model.",
-    remedy="Look whether the markers named are those of the model.",
+    remedy="Check whether the markers named are those of the model.",
     quantities=("coordinate_value",),
 )
 LOOPS = Cause(
@@ -260,13 +260,13 @@ UNITS = Cause(
     title="Units that a file does not state",
     gravity="may change results",
     effect="They were taken as their size suggests.",
-    remedy="State them in the file, or look whether sizes are those of a body.",
+    remedy="State them in the file, or check whether sizes are those of a body.",
     quantities=("coordinate_value", "external_force_vector"),
     order=0,
 )
 SETTINGS = Cause(
     key="settings",
-    title="What was asked for beyond the recording",
+    title="Requests beyond the recording",
     gravity="good to know",
     effect="As each says.",
 )

@@ -67,7 +67,7 @@ UNUSED_MARKER = Quantity(
     name="unused_marker",
     dims=("unused_marker",),
     unit="",
-    meaning="recorded marker that the model lacks, or that has no weight",
+    meaning="recorded marker missing in the model, or without weight",
     attribute="unused_markers",
     kind="text",
 )
@@ -75,7 +75,7 @@ MISSING_MARKER = Quantity(
     name="missing_marker",
     dims=("missing_marker",),
     unit="",
-    meaning="marker of the model that the recording lacks",
+    meaning="marker of the model missing in the recording",
     attribute="missing_markers",
     kind="text",
 )

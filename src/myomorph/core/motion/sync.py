@@ -151,7 +151,7 @@ def _other_rate(times: Array, time: Array) -> str:
     usual = any(abs(share / ratio - 1.0) < RATE_ERROR for ratio in USUAL_RATIOS)
     if not (starts_with_it and usual):
         return ""
-    return f"they last {share:.2g} times as long: look whether both rates are right in Hz; else "
+    return f"they last {share:.2g} times as long: check whether both rates are right in Hz; else "
 
 
 def refuse_other_times(what: str, times: Array, time: Array) -> None:

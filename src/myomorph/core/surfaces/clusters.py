@@ -484,7 +484,7 @@ def _check_order(names: Sequence[str], misfits: Array, best: int) -> None:
     if others.min() - misfits[best] < MIN_DIFFERENCE:
         raise BadData(
             f"the markers {', '.join(names)} form a triangle of equal sides within"
-            f" {1e3 * others.min():.1f} mm: their distances do not tell which is which; pick a"
+            f" {1e3 * others.min():.1f} mm: their distances do not show which is which; pick a"
             " point near one of them"
         )
 

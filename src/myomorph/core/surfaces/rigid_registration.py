@@ -164,7 +164,7 @@ def register_surface(
             )
     if not fit.converged:
         notes.append(
-            BONES.message(f"the fit had not settled after {options.iterations} iterations")
+            BONES.message(f"the fit had not converged after {options.iterations} iterations")
         )
     apart = goal.signed(fit.similarity.apply(source.vertices)) / fit.similarity.scale
     kept = np.abs(apart) <= np.quantile(np.abs(apart), options.kept)

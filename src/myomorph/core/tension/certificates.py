@@ -484,9 +484,9 @@ def _chosen_frames(tension: Tension, frames: Sequence[int] | None) -> NDArray[np
     """Numbers of the frames that are asked for, all by default; refuses none and others."""
     chosen = np.arange(len(tension)) if frames is None else np.asarray(frames, np.int64)
     if not len(chosen):
-        raise BadData("no frame is asked for")
+        raise BadData("no frame is requested")
     if not (chosen.min() >= 0 and chosen.max() < len(tension)):
-        raise BadData(f"frame {chosen.max()} is asked for, but the tensions have {len(tension)}")
+        raise BadData(f"frame {chosen.max()} is requested, but the tensions have {len(tension)}")
     return chosen
 
 

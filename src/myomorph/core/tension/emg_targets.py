@@ -172,6 +172,7 @@ def mapped_muscles(emg: Emg, channels: ChannelMap, model: Model) -> tuple[str, .
         measured |= set(names)
     if not measured:
         raise BadData(
-            "no EMG channel tells of a muscle: name them as emg_muscles = { channel = ['muscle'] }"
+            "no EMG channel belongs to a muscle: name them as emg_muscles = { channel = ['muscle']"
+            " }"
         )
     return tuple(name for name in model.muscle_names if name in measured)

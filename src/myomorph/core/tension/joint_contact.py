@@ -411,7 +411,7 @@ def _down(tree: Tree, poses: Poses, joint: Joint, point: ContactPoint) -> Array:
     if way is None:
         raise BadData(
             f"contact point '{point.name}' of joint '{joint.name}' has no normal, and no joint"
-            f" follows on '{joint.child}' that would tell one: give the direction in which it"
+            f" follows on '{joint.child}' that would define one: give the direction in which it"
             f" pushes on '{joint.child}'"
         )
     return poses.rotations[:, tree.body_index[joint.child]] @ way

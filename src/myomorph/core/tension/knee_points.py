@@ -165,7 +165,7 @@ def _axes(model: Model, knee: Joint) -> KneeAxes:
         raise _unfit(knee, "has no ankle below it")
     if poses is None or not hinge_axis(model, knee, poses, down).any():
         raise BadModel(
-            f"joint '{knee.name}' does not turn, so its contact points must be given in a file"
+            f"joint '{knee.name}' does not rotate, so its contact points must be given in a file"
         )
     # By the knee's child: some models move the knee down the thigh by its coordinates.
     thigh = _place(poses, knee.child, knee.child_frame) - _place(poses, hip.child, hip.child_frame)

@@ -428,7 +428,7 @@ def _of_gaps(steps: Array, gaps: int, limit: float) -> Message:
     gaps : how many are longer than usual
     limit : of what is interpolated [s]
     """
-    text = f"the clock of the sensors has {gaps} gaps: turns are interpolated there"
+    text = f"the clock of the sensors has {gaps} gaps: rotations are interpolated there"
     longest = float(steps.max())
     if longest > limit:
         text = (
