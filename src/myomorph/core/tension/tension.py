@@ -476,8 +476,8 @@ def missing_support(
     text = CONTACTS.message(
         f"contacts cannot carry the motion: forces of {whole(size)} N (root mean square;"
         f" {whole(residuals[worst])} N at {tension.time[worst]:.2f} s) come from nowhere, compared"
-        f" with a weight of {whole(weight)} N: believe neither contact forces nor torques and tensions"
-        " (is a support missing, --contacts, or the motion too noisy, --cutoff?)",
+        f" with a weight of {whole(weight)} N: believe neither contact forces nor torques and"
+        " tensions (is a support missing, --contacts, or the motion too noisy, --cutoff?)",
         size=float(residuals[worst]),
     )
     times = tuple(span for message in infeasible for span in message.times)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from myomorph.core.io.mjcf.write import text
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadModel
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.model import Joint, Marker, Model
@@ -233,6 +233,7 @@ def tendon_wraps(muscle: Muscle) -> tuple[TendonWrap, ...]:
     return wraps
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SwungLimb:
     """A limb that swings on a base.

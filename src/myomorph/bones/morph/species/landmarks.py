@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.bones.morph.species.counterparts import DIRECTIONS, AnatomicalFrame, LandmarkRule
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.surface import Surface, connected, edges_of, face_crosses
 
@@ -91,6 +91,7 @@ def _area(surface: Surface) -> Array:
     return 0.5 * np.linalg.norm(face_crosses(surface.vertices, surface.faces), axis=1)
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MarkedBone:
     """A bone on which landmarks are found.

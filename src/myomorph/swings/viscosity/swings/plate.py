@@ -142,6 +142,7 @@ def lowpass_runs(values: Array, rate: float, cutoff: float | None) -> Array:
     return result
 
 
+@read_only
 @dataclass(frozen=True, eq=False, kw_only=True)
 class WrenchFit:
     """How a motion and a wrench are compared.
