@@ -26,9 +26,11 @@ from packaging.requirements import Requirement
 import myomorph
 from benchmarks.speed.command_parts import processor_times
 from benchmarks.speed.revision import unpack_sources
+from benchmarks.speed.study import write_study
 from data_collection import data_folder
 
 RUNS = 5
+SHORT_TRIALS = 8
 SECOND = ("--time", "1", "2")  # Of the walk that is used
 
 
@@ -111,6 +113,7 @@ def run(before: str = "") -> list[dict[str, object]]:
             unpack_sources(before, earlier)
             trees[", before"] = earlier
         rows += _parts_of_commands(Path(folder), places, trees)
+        rows += _cold_studies(Path(folder), trees)
     return rows
 
 
@@ -143,6 +146,7 @@ def _parts_of_commands(
         "ik": ["ik", *model, "--markers", str(files.markers), *SECOND, "--out", motion],
         "id --cutoff 6": ["id", *loaded, "--cutoff", "6", "--out", str(folder / "id6.sto")],
         "id": ["id", *loaded, "--out", str(folder / "id.sto")],
+        "muscles": ["muscles", *model, "--motion", motion, "--out", str(folder / "muscles")],
         "tension": ["tension", *loaded, "--cutoff", "6", "--out", str(folder / "tension")],
     }
     environments = {
@@ -152,4 +156,28 @@ def _parts_of_commands(
     for (name, version), parts in processor_times(commands, environments, RUNS).items():
         total = sum(parts.values())
         rows.append({"what": f"{name}{version}", "processor seconds": total, **parts})
+    return rows
+
+
+def _cold_studies(folder: Path, trees: Mapping[str, Path]) -> list[dict[str, object]]:
+    """Measure a study of short trials on a machine where nothing is compiled, by workers."""
+    (folder / "study").mkdir()
+    study = write_study(folder / "study", SHORT_TRIALS)
+    rows: list[dict[str, object]] = []
+    for workers in (1, 2, 4):
+        for version, path in trees.items():
+            home = folder / f"cold {workers}{version}"
+            environment = {
+                **os.environ,
+                "NUMBA_CACHE_DIR": str(home / "cache"),
+                "PYTHONPATH": str(path / "src"),
+            }
+            command = ["-m", "myomorph", "run", str(study), "--workers", str(workers)]
+            before = os.times()
+            elapsed = seconds([*command, "--out", str(home / "results")], environment)
+            after = os.times()
+            spent = after.children_user - before.children_user
+            spent += after.children_system - before.children_system
+            what = f"{SHORT_TRIALS} short trials, nothing compiled, {workers} workers{version}"
+            rows.append({"what": what, "seconds": elapsed, "processor seconds": spent})
     return rows
