@@ -31,6 +31,7 @@ from myomorph.show.simulate.pair import PairOptions, pair_sites, virtual_pair
 from myomorph.show.simulate.performances import (
     DRUM_PLACES,
     STICK_OF,
+    STOOL,
     TIP,
     drum_part,
     taichi_part,
@@ -44,6 +45,7 @@ STROKES = "true_strokes.csv"
 CUTOFF = 6.0  # Low-pass of the fighters' true forces and motion [Hz].
 UKE_LATER = 0.2  # So much later uke's recording begins [s].
 PLATE = np.array([0.06, 0.0, 0.0]), (0.5, 0.7)  # Its middle and size [m].
+LONG_PLATE = np.array([0.2, 0.0, 0.0]), (0.9, 0.7)  # Of somebody who steps ahead [m].
 CAMERA_RATE = 120.0
 CAMERA_START = -0.3  # Of the camera that saw the taps [Hz], and its zero on the motion's clock [s].
 SCENE = Scene("two drums", drums=2, interval=0.9, duration=9.0)
@@ -240,7 +242,7 @@ def _judo(folder: Path) -> Written:
 def _taichi(folder: Path) -> Written:
     """Two feet on one plate that share its force."""
     shown = performed(taichi_part())
-    write_plate_c3d(shown, folder / "taichi.c3d", *PLATE, 53)
+    write_plate_c3d(shown, folder / "taichi.c3d", *LONG_PLATE, 53)
     more = 'contacts = "auto"\noptions = {tension = {measured = "shared"}}'
     return _alone(folder, shown, "taichi", "taichi.c3d", 52, more)
 
@@ -306,6 +308,7 @@ def _drum(folder: Path) -> Written:
     lines += [
         _site(f"stick_{side}", f"forearm_{side}", TIP[None], 'intervals = "file"') for side in "rl"
     ]
+    lines.append(_site("stool", "pelvis", STOOL, 'intervals = "always"'))
     (folder / "contacts.toml").write_text("".join(lines), encoding="utf-8")
     listed = [(*stroke, stroke in known) for stroke in strokes]
     with (folder / STROKES).open("w", newline="", encoding="utf-8") as stream:

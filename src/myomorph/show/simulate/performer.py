@@ -23,6 +23,7 @@ from myomorph.core.model.series import Motion, Series
 from myomorph.core.motion.splines import natural_spline
 from myomorph.show.simulate import fighter
 from myomorph.show.simulate.bout import least, mass_matrix, moments, muscle_strength, pyramids
+from myomorph.show.simulate.flight import balanced_leans
 from myomorph.show.simulate.plan import Aim, jacobian, posed, start_pose
 
 KNOT_RATE = 20.0  # Poses of a plan a second.
@@ -38,12 +39,17 @@ ACCURACY = 1e-7  # Of the choices of forces and activations.
 
 @read_only
 class Contact:
-    """Where the person touches. `on`: (frames,) how ready it is to carry, 0 to 1, from times."""
+    """Where the person touches.
+
+    `on` is (frames,) how ready it is to carry, 0 to 1, from times. `share` is of the weight that
+    each of its points would take, against others.
+    """
 
     name: str
     body: str
     points: Array  # (points, 3) in the body's frame [m]
     on: Callable[[Array], Array] = np.ones_like
+    share: float = 1.0
 
 
 @read_only
@@ -64,7 +70,8 @@ class Blow:
 class Part:
     """What the person does.
 
-    `aims` are of the pose at a time [s]. `squeeze` is that of the feet, outwards, over the weight.
+    `aims` are of the pose at a time [s]. `squeeze` is that of the feet, outwards, over the weight;
+    `fast` is when the plan has poses three times as often, `air` when nothing touches [s].
     """
 
     aims: Callable[[float], Sequence[Aim]]
@@ -74,6 +81,8 @@ class Part:
     blows: Sequence[Blow] = ()
     squeeze: float = 0.05
     seed: int = 0
+    fast: tuple[float, float] = (0.0, 0.0)
+    air: tuple[float, float] = (0.0, 0.0)
 
 
 @read_only
@@ -89,6 +98,9 @@ class Performance:
     forces: Series  # (frames, contacts, 3) in ground [N]
     # (frames, 6) of all contacts but blows: moment about the ground's origin, force [N m, N]
     wrench: Array
+    # (frames, 6) of the same that no contact gives: what the plan asks for beyond physics, about
+    # the mass center
+    missing: Array
     torques: Series  # (frames, hinges) [N m]
     activations: Series
 
@@ -106,8 +118,9 @@ def performed(part: Part) -> Performance:
     true = mujoco.MjModel.from_xml_string(fighter.fighter_text("tori", person))
     _disturb(true, random)
     time = np.arange(round(part.duration * part.rate) + 1) / part.rate
+    part = _in_flight(true, part)
     states = _states(true, part, time)
-    forces, wrench, torques, activations = _dynamics(true, part, time, states, random)
+    forces, wrench, missing, torques, activations = _dynamics(true, part, time, states, random)
     model = model_from_mujoco(believed, marker_sites="marker_.*")
     values = np.unwrap(coordinates_from_qpos(model, states[0]), axis=0)
     hinges = tuple(true.joint(j).name for j in range(1, true.njnt))
@@ -118,6 +131,7 @@ def performed(part: Part) -> Performance:
         motion=Motion(time, model.coordinate_names, values),
         forces=Series(time, tuple(contact.name for contact in part.contacts), forces),
         wrench=wrench,
+        missing=missing,
         torques=Series(time, hinges, torques),
         activations=Series(time, muscles, activations),
     )
@@ -182,12 +196,56 @@ def _disturb(compiled: Any, random: np.random.Generator) -> None:
     mujoco.mj_setConst(compiled, mujoco.MjData(compiled))
 
 
-def _states(compiled: Any, part: Part, time: Array) -> tuple[Array, Array, Array]:
+def _knots(part: Part) -> Array:
+    """Choose times of the plan's poses (knots,) [s]."""
+    every = np.arange(round(part.duration * KNOT_RATE) + 3) / KNOT_RATE - 1.0 / KNOT_RATE
+    return np.unique(np.concatenate([every, _dense(part)]).round(6))
+
+
+def _dense(part: Part) -> Array:
+    """Choose times of poses where they stand closely (knots,) [s]."""
+    return np.arange(*part.fast, 1.0 / (3.0 * KNOT_RATE))
+
+
+def _in_flight(compiled: Any, part: Part) -> Part:
+    """Let the trunk lean as a body in the air has to."""
+    grid = _dense(part)
+    if not len(grid):
+        return part
+    air = (grid > part.air[0]) & (grid < part.air[1])
+
+    data = mujoco.MjData(compiled)
+
+    def moment_of(aims: Callable[[float], Sequence[Aim]]) -> Array:
+        states = _states(compiled, replace(part, aims=aims), grid, grid)
+        moments_z = np.zeros(len(grid))
+        for frame in range(len(grid)):
+            data.qpos[:] = states[0][frame]
+            data.qvel[:] = states[1][frame]
+            data.qacc[:] = states[2][frame]
+            mujoco.mj_inverse(compiled, data)
+            wrench = _root_wrench(data, np.array(data.qfrc_inverse))
+            moments_z[frame] = (wrench[:3] - np.cross(data.subtree_com[0], wrench[3:]))[2]
+        return moments_z
+
+    return replace(part, aims=balanced_leans(moment_of, part.aims, grid, air))
+
+
+def _root_wrench(data: Any, needed: Array) -> Array:
+    """Moment about the ground's origin and force (6,) of what the root needs [N m], [N]."""
+    turn = data.xmat[1].reshape(3, 3)
+    origin = np.array(data.qpos[:3])
+    return np.append(turn @ needed[3:6] + np.cross(origin, needed[:3]), needed[:3])
+
+
+def _states(
+    compiled: Any, part: Part, time: Array, knots: Array | None = None
+) -> tuple[Array, Array, Array]:
     """Compute the plan and what impacts do to it.
 
     The results are qpos (frames, nq), rates and accelerations (frames, nv).
     """
-    knots = np.arange(round(part.duration * KNOT_RATE) + 3) / KNOT_RATE - 1.0 / KNOT_RATE
+    knots = _knots(part) if knots is None else knots
     first = posed(compiled, start_pose(compiled, ALONE), part.aims(0.0), 0.02)
     ways = np.zeros((len(knots), compiled.nv))
     for way, knot in zip(ways, knots, strict=True):
@@ -280,8 +338,8 @@ def _dynamics(
     time: Array,
     states: tuple[Array, Array, Array],
     random: np.random.Generator,
-) -> tuple[Array, Array, Array, Array]:
-    """Compute forces of contacts, their wrench, torques of hinges and activations."""
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Compute forces of contacts, their wrench, what they miss, torques of hinges, activations."""
     data = mujoco.MjData(compiled)
     ready = np.stack([contact.on(time) for contact in part.contacts], axis=1)
     corners = [
@@ -294,6 +352,7 @@ def _dynamics(
     tone = random.uniform(0.01, 0.05, compiled.nu)
     forces = np.zeros((len(time), len(part.contacts), 3))
     wrench = np.zeros((len(time), 6))
+    missing = np.zeros((len(time), 6))
     torques = np.zeros((len(time), compiled.nv - 6))
     before = tone
     activations = np.zeros((len(time), compiled.nu))
@@ -310,16 +369,18 @@ def _dynamics(
                 needed -= (
                     push * jacobian(compiled, data, compiled.body(blow.body).id, blow.point)[0][1]
                 )
-        origin = np.array(data.qpos[:3])
-        turn = data.xmat[1].reshape(3, 3)
-        wrench[frame] = np.append(turn @ needed[3:6] + np.cross(origin, needed[:3]), needed[:3])
+        wrench[frame] = _root_wrench(data, needed)
         places = [jacobian(compiled, data, body, point) for _, body, point in corners]
         pushed = _shared(
             wrench[frame], [at for _, at in places], corners, ready[frame], weight, part
         )
-        for (contact, _, _), (J, _), force in zip(corners, places, pushed, strict=True):
+        middle = np.array(data.subtree_com[0])
+        missing[frame] = wrench[frame]
+        missing[frame, :3] -= np.cross(middle, wrench[frame, 3:])
+        for (contact, _, _), (J, at), force in zip(corners, places, pushed, strict=True):
             forces[frame, contact] += force
             needed -= J.T @ force
+            missing[frame] -= np.append(np.cross(at - middle, force), force)
         torques[frame] = needed[6:]
         mujoco.mj_fwdPosition(compiled, data)
         mujoco.mj_fwdVelocity(compiled, data)
@@ -332,7 +393,7 @@ def _dynamics(
         c = -pull.T @ miss - cost * tone
         before = np.clip(least(H, c, np.zeros(len(c)), np.ones(len(c)), None, ACCURACY), 0.0, 1.0)
         activations[frame] = before
-    return forces, wrench, torques, activations
+    return forces, wrench, missing, torques, activations
 
 
 def _shared(
@@ -353,16 +414,20 @@ def _shared(
         moment[:3, 3 * k : 3 * k + 3] = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]
         moment[3:, 3 * k : 3 * k + 3] = np.eye(3)
     on = np.array([ready[contact] for contact, _, _ in corners])
+    if not on.any():
+        return np.zeros((count, 3))
+    wish = on * np.array([part.contacts[contact].share for contact, _, _ in corners])
     cost = np.repeat(weight / np.maximum(on, 1e-3) ** 2, 3)
     middle = np.mean([z for (_, _, z), share in zip(places, on, strict=True) if share > 0.5])
     wanted = np.zeros((count, 3))
     wanted[:, 2] = (
         part.squeeze * MASS * 9.80665 * np.sign([z - middle for _, _, z in places]) * on / on.sum()
     )
-    wanted[:, 1] = on * MASS * 9.80665 / on.sum()
+    wanted[:, 1] = wish * MASS * 9.80665 / wish.sum()
     H = np.diag(cost) * 1e-3 + moment.T @ moment / EXACT
     c = -1e-3 * cost * wanted.ravel() - moment.T @ wrench / EXACT
     low = np.full(3 * count, -np.inf)
     high = np.full(3 * count, np.inf)
     low[1::3] = 0.0
-    return least(H, c, low, high, pyramids(count, FRICTION), ACCURACY).reshape(count, 3)
+    pushed = least(H, c, low, high, pyramids(count, FRICTION), ACCURACY).reshape(count, 3)
+    return np.where(on[:, None] > 0.0, pushed, 0.0)

@@ -18,13 +18,15 @@ from myomorph.core.model.spatial import axis_rotation
 from myomorph.show.simulate.fighter import APART, CUFF, GRIP, LAPEL, LEG, PARTS, Build, sole_points
 
 ROUNDS = 60
+WHOLE = "whole body"
 
 
 @read_only
 class Aim:
     """What a pose should reach."""
 
-    body: str  # whose point, or whose attitude, is aimed at
+    # whose point, or whose attitude, is aimed at; `WHOLE` for the mass center of a person alone
+    body: str
     point: Array | None  # (3,) in its frame [m]; None aims at the attitude
     # (3,) in ground [m], or a (3, 3) attitude; None with `other` for a point that moves along
     target: Array | None = None
@@ -93,6 +95,10 @@ def roots(compiled: Any) -> np.ndarray:
 
 def _row(compiled: Any, data: Any, aim: Aim) -> tuple[Array, Array]:
     n = compiled.nv
+    if aim.body == WHOLE:
+        J = np.zeros((3, n))
+        mujoco.mj_jacSubtreeCom(compiled, data, J, 0)
+        return J, np.asarray(aim.target) - data.subtree_com[0]
     body = compiled.body(aim.body).id
     if aim.point is None:
         turning = np.zeros((3, n))
