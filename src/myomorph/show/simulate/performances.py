@@ -113,7 +113,7 @@ def taichi_part() -> Part:
     """Make the part of somebody who takes two slow steps of Tai Chi.
 
     All the weight goes onto one foot, the other is lifted, put ahead and loaded; then the other
-    way, with a knee held high. Arms circle, the trunk turns.
+    way. Arms circle, the trunk turns.
     """
     when = (0.4, 2.8, 5.0, 7.6, 9.6, 11.6)
     far = 2.0 * STRIDE + OVER
