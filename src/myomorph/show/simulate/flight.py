@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from myomorph.core.model.arrays import Array
@@ -58,7 +59,9 @@ def leaning(aims: Aims, grid: Array, lean: Array) -> Aims:
     return leant
 
 
-def balanced_leans(moment_of: Callable[[Aims], Array], aims: Aims, grid: Array, air: Array) -> Aims:
+def balanced_leans(
+    moment_of: Callable[[Aims], Array], aims: Aims, grid: Array, air: NDArray[np.bool_]
+) -> Aims:
     """Find the leans that leave no moment in the air.
 
     Parameters

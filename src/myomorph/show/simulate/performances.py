@@ -313,10 +313,12 @@ def drum_part(strokes: Sequence[tuple[str, float, float]], duration: float) -> P
             )
         return result
 
-    on = {"r": lambda time: 1.0 - lifted(time, early=0.2), "l": np.ones_like}
+    def on_pedal(time: Array) -> Array:
+        return 1.0 - lifted(time, early=0.2)
+
     feet = [
-        Contact(name=f"foot_{side}", body=f"foot_{side}", points=sole(side), on=on[side])
-        for side in "rl"
+        Contact(name="foot_r", body="foot_r", points=sole("r"), on=on_pedal),
+        Contact(name="foot_l", body="foot_l", points=sole("l")),
     ]
     stool = Contact(name="stool", body="pelvis", points=STOOL, share=6.0)
     blows = [
