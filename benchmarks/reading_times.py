@@ -1,9 +1,12 @@
-"""Readers given files that grow: the exponent of their time, which should be 1.
+"""Readers given files that grow: exponents of time and memory, which should be 1.
 
-`python -m benchmarks.reading_times [READER]` takes the sound files of `tests/fuzz`, repeats a
-part of each (a line, an element of XML, an opened comment, a column) until the file has so many
-bytes, and measures the processor time of reading. The exponent is that of the largest sizes whose
-time is long enough to be measured; a reader's row has its worst part.
+`python -m benchmarks.reading_times [READER]` takes the sound files of `tests/fuzz` of every reader
+in the formats' table. It makes them larger in several ways: rows that go on as the last two do,
+elements of XML with new names, more frames in binary files, and parts that are only repeated (a
+line, an opened comment, a column, a bracket). Processor time, that of children included, and memory
+are those of a process of its own for each file, less those of the sound file. Each file is four
+times as large as the one before, until its time can be measured. A row has the worst exponent of a
+reader, and the seconds that its slowest way comes to at the largest size that its door lets in.
 """
 
 from __future__ import annotations
@@ -12,33 +15,76 @@ import json
 import math
 import os
 import re
+import resource
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 FOLDER = Path(__file__).resolve().parents[1] / "tests" / "fuzz"
-SIZES = (50_000, 100_000, 200_000)
-ENOUGH = 0.02  # Processor time from which an exponent is measured [s].
-SLOW = 3.0  # A reader that takes longer is not given larger files [s].
-REPEATS = 2
-PARTS = 3  # Of each kind in a file.
+SIZES = (1 << 16, 1 << 18, 1 << 20, 1 << 22, 1 << 24)
+FRAMES_SIZE = 1 << 26  # Largest of binary files, which are read fast [bytes].
+ENOUGH = 0.04  # Processor time from which an exponent is measured [s].
+LONG = 1.5  # Whoever takes longer is given nothing larger [s].
+MEMORY = 8.0  # From which its exponent is measured [MiB].
+WANTED = 1.2  # An exponent above it is measured twice.
+PARTS = 2  # Of each kind in a file.
+MIB = 1 << 20
 ELEMENT = re.compile(rb"<(\w+)[^<>]*/>|<(\w+)[^<>]*>[^<>]*</\2>")
-ODD = (b"<!--", b"<!DOCTYPE ", b"&", b"[", b'"', b"a,", b"a\t", b"\n", b" ")
-"""Pieces that are repeated before the end of a file too."""
+NAME = re.compile(rb"(\bname\s*=\s*[\"'])([^\"']*)")
+CELL = re.compile(rb"[^\t,; \r\n]+")
+ODD = (b"<!--", b"<!DOCTYPE ", b"&", b"[", b"{", b'"', b"a,", b"a\t", b"\n", b" ")
+"""Pieces that are repeated in the middle of a file."""
+
+Grow = Callable[[int], bytes]
+"""Makes a file of about so many bytes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """Files of one way to grow, from small to large.
+
+    Attributes
+    ----------
+    way : how they grew
+    sizes : of the files [bytes]
+    seconds, mebibytes : that reading took beyond the sound file
+    """
+
+    way: str
+    sizes: Sequence[int]
+    seconds: Sequence[float]
+    mebibytes: Sequence[float]
+
+    @property
+    def time_exponent(self) -> float:
+        """Slope of the logarithm of time over that of size, NaN where it is too short."""
+        return _slope(self.sizes, self.seconds, ENOUGH)
+
+    @property
+    def memory_exponent(self) -> float:
+        """Slope of the logarithm of memory over that of size, NaN where it is too little."""
+        return _slope(self.sizes, self.mebibytes, MEMORY)
+
+    @property
+    def rate(self) -> float:
+        """Time by size of the largest file [s/MiB]."""
+        return self.seconds[-1] / (self.sizes[-1] / MIB)
 
 
 def run() -> list[dict[str, object]]:
-    """One row a reader."""
+    """Return one row per reader."""
     from fuzz_readers import READERS
 
-    return [_measured(reader.name) for reader in READERS if not reader.guarded]
+    return [_in_its_process(reader.name) for reader in READERS]
 
 
-def _measured(name: str) -> dict[str, object]:
+def _in_its_process(name: str) -> dict[str, object]:
     """Measure a reader in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(FOLDER), *sys.path))}
     command = [sys.executable, "-m", "benchmarks.reading_times", name]
@@ -57,80 +103,237 @@ def _measured(name: str) -> dict[str, object]:
 
 
 def measure(name: str) -> dict[str, object]:
-    """Measure a reader: its worst exponent, and the time of its slowest file."""
+    """Measure a reader: its worst exponents, and its slowest file."""
     from fuzz_readers import reader
 
     chosen = reader(name)
-    worst = -math.inf
-    slowest = 0.0
-    part_of_worst = ""
-    parts = 0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / chosen.file_name
+        limit = _size_limit(chosen, path)
+        # What is imported at a first reading is imported here.
         for content in chosen.seeds():
-            for part, before, after in _grown(content):
-                parts += 1
-                times = _times(chosen, path, (before, part, after))
-                slowest = max(slowest, *times)
-                exponent = _exponent(times)
-                if exponent > worst:
-                    worst = exponent
-                    part_of_worst = part[:24].decode("ascii", "backslashreplace")
+            path.write_bytes(content)
+            _cost_here(chosen, path)
+        ways = [
+            _grown(chosen, path, way, grow)
+            for number, content in enumerate(chosen.seeds())
+            for way, grow in _ways(content, chosen.ending, ODD if number == 0 else ())
+        ]
+    timed = [way for way in ways if math.isfinite(way.time_exponent)]
+    worst = max(timed, key=lambda way: way.time_exponent, default=None)
+    slowest = max(ways, key=lambda way: way.rate)
+    memory = [way.memory_exponent for way in ways if math.isfinite(way.memory_exponent)]
     return {
         "reader": name,
-        "parts": parts,
-        "exponent": round(worst, 2) if math.isfinite(worst) else "",
-        "slowest [s]": round(slowest, 2),
-        "worst part": repr(part_of_worst) if math.isfinite(worst) else "",
+        "ways": len(ways),
+        "exponent of time": "" if worst is None else round(worst.time_exponent, 2),
+        "of memory": round(max(memory), 2) if memory else "",
+        "worst way": "" if worst is None else worst.way,
+        "largest [MiB]": round(max(way.sizes[-1] for way in ways) / MIB, 1),
+        "slowest [s/MiB]": float(f"{slowest.rate:.2g}"),
+        "size limit [MiB]": round(limit / MIB),
+        "at the limit [s]": float(f"{slowest.rate * limit / MIB:.2g}"),
     }
 
 
-def _grown(content: bytes) -> Iterator[tuple[bytes, bytes, bytes]]:
-    """Yield parts of a file, and what stands before and after the place of their copies."""
-    places = [(match.start(), match.end()) for match in re.finditer(rb"[^\n]+\n?", content)]
-    places += [(match.start(), match.end()) for match in ELEMENT.finditer(content)]
-    for start, stop in places[:: max(1, len(places) // (2 * PARTS))]:
-        yield content[start:stop], content[:start], content[stop:]
+def _size_limit(chosen: Any, path: Path) -> int:
+    """Find the largest size that the reader's door lets in [bytes], by its message."""
+    from myomorph.core.io.parsing.door import MAX_SIZES
+    from myomorph.core.model.errors import MyomorphError
+
+    with path.open("wb") as stream:
+        stream.truncate(max(MAX_SIZES.values()) + 1)
+    try:
+        chosen.read(path)
+    except MyomorphError as error:
+        for kind, size in MAX_SIZES.items():
+            if f"allowed for {kind}" in str(error):
+                return size
+    finally:
+        path.unlink()
+    # The formats of several files are given small ones beside it.
+    return MAX_SIZES["a table"]
+
+
+def _ways(content: bytes, ending: str, pieces: Sequence[bytes]) -> Iterator[tuple[str, Grow]]:
+    """Yield ways in which a sound file grows, some by pieces that are repeated, and their names."""
+    from binary_seeds import binary_seeds
+
+    if content in binary_seeds().get(ending, ()):
+        yield from _binary_ways(content, ending)
+        return
+    rows = _rows_that_go_on(content)
+    if rows is not None:
+        yield "rows that go on", rows
+    elements = list(ELEMENT.finditer(content))
+    for match in elements[:: max(1, len(elements) // PARTS)]:
+        yield f"{_shown(match.group())} with new names", _named_copies(content, match)
+    lines = list(re.finditer(rb"[^\n]+\n?", content))
+    for match in lines[:: max(1, len(lines) // PARTS)]:
+        yield _shown(match.group()), _copies(content, match.group(), match.start())
     first = content.find(b"\n") + 1
     cells = re.search(rb"[^\s,;]+[\t,;]", content[first:])
     if cells:
-        start = first + cells.start()
-        yield cells.group(), content[:start], content[start:]
+        yield _shown(cells.group()), _copies(content, cells.group(), first + cells.start())
+    for piece in pieces:
+        yield _shown(piece), _copies(content, piece, len(content) // 2)
+
+
+def _binary_ways(content: bytes, ending: str) -> Iterator[tuple[str, Grow]]:
+    """Yield the ways of a binary file: more frames, and bytes that are repeated."""
+    from binary_seeds import FRAMES, binary_files, binary_seeds
+
+    index = binary_seeds()[ending].index(content)
+    # A few frames are mostly head.
+    more = len(binary_files(ending, 1000 * FRAMES)[index]) - len(content)
+    each = max(1.0, more / (999 * FRAMES))
+
+    def with_frames(size: int) -> bytes:
+        frames = max(1, round(size / each / FRAMES)) * FRAMES
+        return binary_files(ending, frames)[index]
+
+    yield "frames", with_frames
     half = len(content) // 2
-    for piece in ODD:
-        yield piece, content[:half], content[half:]
+    for piece in (content[half : half + 16], content[-16:], b"\0"):
+        yield _shown(piece), _copies(content, piece, half)
 
 
-def _times(chosen: object, path: Path, parts: tuple[bytes, bytes, bytes]) -> list[float]:
-    """Return the processor time of reading at each size [s], as far as it was tried."""
-    before, part, after = parts
-    times = []
-    for size in SIZES:
-        path.write_bytes(before + part * (size // len(part)) + after)
-        times.append(min(_time(chosen, path) for _ in range(REPEATS if not times else 2)))
-        if times[-1] > SLOW:
+def _copies(content: bytes, part: bytes, place: int) -> Grow:
+    """Repeat a part at its place."""
+    return lambda size: content[:place] + part * (size // len(part)) + content[place:]
+
+
+def _named_copies(content: bytes, match: re.Match[bytes]) -> Grow:
+    """Repeat an element of XML, with another name each time where it has one."""
+    part = match.group()
+
+    def grow(size: int) -> bytes:
+        copies = (NAME.sub(rb"\g<1>\g<2>_%d" % number, part) for number in range(size // len(part)))
+        return content[: match.end()] + b"".join(copies) + content[match.end() :]
+
+    return grow
+
+
+def _rows_that_go_on(content: bytes) -> Grow | None:
+    """Continue a table by the differences of its last two rows; None where it has none."""
+    rows = [CELL.findall(line) for line in content.splitlines() if line.strip()]
+    if len(rows) < 2 or len(rows[-1]) != len(rows[-2]) or len(rows[-1]) < 2:
+        return None
+    numbers = [[_number(cell) for cell in row] for row in rows[-2:]]
+    if not any(math.isfinite(value) for value in numbers[-1]):
+        return None
+    last_line = content.rstrip().splitlines()[-1]
+    form = CELL.sub(b"%s", last_line.replace(b"%", b"%%")) + b"\n"
+
+    def cell(column: int, number: int) -> bytes:
+        before = numbers[0][column]
+        last = numbers[1][column]
+        if math.isfinite(before) and math.isfinite(last):
+            return b"%.9g" % (last + number * (last - before))
+        text = rows[-1][column]
+        return text if text == rows[-2][column] else b"%s_%d" % (text.strip(b'"'), number)
+
+    def grow(size: int) -> bytes:
+        count = size // (len(last_line) + 1)
+        added = (
+            form % tuple(cell(column, number) for column in range(len(rows[-1])))
+            for number in range(1, count + 1)
+        )
+        return content.rstrip() + b"\n" + b"".join(added)
+
+    return grow
+
+
+def _number(cell: bytes) -> float:
+    """Return the number in a cell, NaN where it is a text."""
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _shown(part: bytes) -> str:
+    """Return the beginning of a part, for the table."""
+    return repr(part[:24].decode("ascii", "backslashreplace"))[1:-1]
+
+
+def _grown(chosen: Any, path: Path, way: str, grow: Grow) -> Measured:
+    """Measure files that grow in one way; again where the exponent is above what is wanted."""
+    measured = _once(chosen, path, way, grow)
+    if not measured.time_exponent > WANTED:
+        return measured
+    again = _once(chosen, path, way, grow)
+    return min((measured, again), key=lambda each: each.time_exponent)
+
+
+def _once(chosen: Any, path: Path, way: str, grow: Grow) -> Measured:
+    """Measure files that grow in one way until they take long enough."""
+    path.write_bytes(grow(0))
+    start = _cost(chosen, path)
+    sizes = []
+    costs = []
+    largest = (FRAMES_SIZE,) if way == "frames" else ()
+    for size in (*SIZES, *largest):
+        path.write_bytes(grow(size))
+        sizes.append(path.stat().st_size)
+        costs.append(_cost(chosen, path))
+        if costs[-1][0] - start[0] > LONG:
             break
-    return times
+        long_enough = [cost for cost in costs if cost[0] - start[0] > ENOUGH]
+        if len(long_enough) > 1 and long_enough[-1][0] > 4.0 * ENOUGH:
+            break
+    return Measured(
+        way=way,
+        sizes=sizes,
+        seconds=[max(seconds - start[0], 0.0) for seconds, _ in costs],
+        mebibytes=[max(mebibytes - start[1], 0.0) for _, mebibytes in costs],
+    )
 
 
-def _time(chosen: object, path: Path) -> float:
+def _cost(chosen: Any, path: Path) -> tuple[float, float]:
+    """Return processor time [s] and greatest memory [MiB] of reading, in a process of its own."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reading)
+        try:
+            os.write(writing, json.dumps(_cost_here(chosen, path)).encode())
+        finally:
+            os._exit(0)
+    os.close(writing)
+    with open(reading, "rb") as stream:
+        answer = stream.read()
+    os.waitpid(child, 0)
+    if not answer:
+        raise RuntimeError(f"the process that read {path.name} ended")
+    seconds, mebibytes = json.loads(answer)
+    return seconds, mebibytes
+
+
+def _cost_here(chosen: Any, path: Path) -> tuple[float, float]:
+    """Read a file; processor time [s] and greatest memory [MiB], those of children included."""
     from myomorph.core.model.errors import MyomorphError
 
-    start = time.process_time()
+    start = time.process_time() + sum(os.times()[2:4])
     with suppress(MyomorphError):
-        chosen.read(path)  # type: ignore[attr-defined]
-    return time.process_time() - start
+        chosen.read(path)
+    seconds = time.process_time() + sum(os.times()[2:4]) - start
+    peaks = (
+        resource.getrusage(who).ru_maxrss
+        for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
+    return seconds, max(peaks) / 1024.0
 
 
-def _exponent(times: list[float]) -> float:
-    """Slope of the logarithm of time over that of size, -inf where too little is known.
-
-    It is between the first time that is long enough and the last.
-    """
-    pairs = zip(SIZES, times, strict=False)
-    known = [(math.log(size), math.log(seconds)) for size, seconds in pairs if seconds > ENOUGH]
+def _slope(sizes: Sequence[int], costs: Sequence[float], enough: float) -> float:
+    """Return the slope of logarithms between the first cost that is enough and the last."""
+    known = [
+        (math.log(size), math.log(cost))
+        for size, cost in zip(sizes, costs, strict=True)
+        if cost > enough
+    ]
     if len(known) < 2:
-        return -math.inf
+        return math.nan
     return (known[-1][1] - known[0][1]) / (known[-1][0] - known[0][0])
 
 
