@@ -2,8 +2,8 @@
 
 `python -m benchmarks fuzz [--inputs N] [--reader NAME ...] [--keep FOLDER]`; every reader of
 `tests/fuzz` runs in a process of its own, bounded in memory, and an input that takes longer than 20
-s counts as a hang. Readers that start a process for each file get a tenth of the inputs, and at
-least `FEW`.
+s counts as a hang. Readers that start a process for each file get fewer inputs, and the endings of
+one kind of file share them.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 FOLDER = Path(__file__).resolve().parents[1] / "tests" / "fuzz"
 AT_ONCE = 2
-FEW = 200
-INPUTS = 4000
+SHARE = 12  # Of inputs, for readers that start a process for each file.
+INPUTS = 2500
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -41,7 +42,8 @@ def run(
     from fuzz_readers import READERS
 
     chosen = [known for known in READERS if not reader or known.name.startswith(tuple(reader))]
-    counts = [max(FEW, inputs // 10) if known.guarded else inputs for known in chosen]
+    kinds = Counter(known.read for known in chosen)
+    counts = [inputs // SHARE // kinds[known.read] if known.guarded else inputs for known in chosen]
     names = [known.name for known in chosen]
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(AT_ONCE) as pool:
         folders = [(keep or Path(folder)) / name for name in names]

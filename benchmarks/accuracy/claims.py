@@ -291,7 +291,7 @@ def _of_known_truths() -> tuple[Claim, ...]:
             table="wrong_files",
             number=_total("found"),
             target="0",
-            against="coverage-guided fuzzing",
+            against="files made wrong at random",
         ),
     )
 
