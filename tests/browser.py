@@ -15,7 +15,7 @@ import subprocess
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -54,9 +54,17 @@ class Browser:
     Parameters
     ----------
     folder : for its profile
+    options : of the command line, beside the usual ones
     """
 
-    def __init__(self, program: str, folder: Path, width: int = 1440, height: int = 900):
+    def __init__(
+        self,
+        program: str,
+        folder: Path,
+        width: int = 1440,
+        height: int = 900,
+        options: Sequence[str] = (),
+    ):
         from websockets.sync.client import connect
 
         with socket.socket() as probe:
@@ -65,6 +73,7 @@ class Browser:
         command = [
             program,
             *OPTIONS,
+            *options,
             f"--user-data-dir={folder}",
             f"--window-size={width},{height}",
         ]

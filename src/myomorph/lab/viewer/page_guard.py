@@ -76,6 +76,8 @@ class PageGuard:
                     kept = f"{COOKIE}_{port}={self.token}; HttpOnly; SameSite=Strict; Path=/"
                     answer.headers["Set-Cookie"] = kept
                     answer.headers["Referrer-Policy"] = "no-referrer"
+                    # A page of another port is of the same site, so that cookies go along.
+                    answer.headers["Content-Security-Policy"] = "frame-ancestors 'none'"
                 return answer
 
             self.stands = True
