@@ -13,6 +13,7 @@ from lxml import etree
 
 from browser import Browser, browser_program
 from myomorph.lab.report.trial.trial_page import report_page
+from odd_names import MARKUP, RAN, odd_report
 from walker import everything
 
 
@@ -78,6 +79,32 @@ def test_the_skeleton_plays(browser: Browser) -> None:
     assert browser.run("document.querySelector('.player').hidden") is False
     names = browser.run("[...document.querySelectorAll('[id]')].map(one => one.id)")
     assert len(names) == len(set(names)), "an anchor must not be the name of the skeleton's data"
+
+
+def test_names_that_hold_markup_are_texts(browser: Browser, tmp_path: Path) -> None:
+    """In the page, and in what is read beside the pointer."""
+    path = tmp_path / "odd.html"
+    path.write_text(report_page(odd_report()), encoding="utf-8")
+    with_errors = len(browser.errors)
+    home = browser.run("location.href")
+    browser.open(path.as_uri())
+    browser.until(f"document.body.innerText.includes({MARKUP[0]!r})")
+    browser.run("document.querySelectorAll('details').forEach(one => { one.open = true; })")
+    tracks = browser.run("document.querySelectorAll('figure svg').length")
+    for index in range(tracks):
+        x, y = browser.run(
+            f"(() => {{ const svg = document.querySelectorAll('figure svg')[{index}];"
+            " svg.scrollIntoView({ block: 'center', behavior: 'instant' });"
+            " const box = svg.getBoundingClientRect();"
+            " return [box.left + box.width / 2, box.top + box.height / 2]; })()"
+        )
+        browser.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+    assert tracks > 5
+    assert not browser.run(RAN)
+    assert browser.errors[with_errors:] == []
+    browser.open(home)
+    browser.until("document.querySelectorAll('#analysis figure .save').length === 1")
+    browser.run("document.querySelectorAll('details').forEach(one => { one.open = true; })")
 
 
 def test_nothing_went_wrong(browser: Browser) -> None:

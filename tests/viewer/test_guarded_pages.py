@@ -10,30 +10,22 @@ import http.server
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import walker
 from browser import Browser, browser_program
-from myomorph.core.model.model import Model
 from myomorph.lab.viewer.replay import Replay
 from myomorph.live.live_page import ChainViewer, Shown
 from myomorph.show.app.desk import Desk
 from myomorph.show.app.server import AppServer
+from odd_names import MARKUP, RAN, odd_model, odd_report
 
 pytest.importorskip("viser")
 
-MARKUP = (
-    "<img src=x onerror=\"document.title='ran'\">",
-    "<iframe srcdoc=\"<script>parent.document.title='ran'</script>\"></iframe>",
-    "[see](javascript:document.title='ran')",
-    "<svg onload=\"document.title='ran'\"></svg>",
-)
-"""Names of muscles and of coordinates."""
 STRANGER = "evil.example"
 HINTS = ("Open the address that the terminal shows", "open the address that 'myomorph app' printed")
 """What a refused request shows."""
@@ -57,44 +49,9 @@ class Opened:
     token: str
 
 
-def _odd_model() -> Model:
-    """Make a walker whose muscles and coordinates have names that are markup."""
-    model = _usual_model()
-    muscles = [
-        replace(muscle, name=f"{MARKUP[index % 4]} {index}")
-        for index, muscle in enumerate(model.muscles)
-    ]
-    names = {
-        coordinate.name: f"{MARKUP[index % 4]} {index}"
-        for index, coordinate in enumerate(model.coordinates)
-    }
-    joints = [
-        replace(
-            joint,
-            axes=tuple(
-                replace(axis, coordinates=tuple(names[name] for name in axis.coordinates))
-                for axis in joint.axes
-            ),
-            coordinates=tuple(names[name] for name in joint.coordinates),
-        )
-        for joint in model.joints
-    ]
-    coordinates = [
-        replace(coordinate, name=names[coordinate.name]) for coordinate in model.coordinates
-    ]
-    return replace(
-        model, muscles=tuple(muscles), joints=tuple(joints), coordinates=tuple(coordinates)
-    )
-
-
-_usual_model = walker.model
-
-
 @contextmanager
 def _view() -> Iterator[Opened]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(walker, "model", _odd_model)
-        shown = walker.having(walker.everything(), title=MARKUP[0])
+    shown = odd_report()
     replay = Replay([{MARKUP[1]: lambda: shown, "other": lambda: shown}])
     try:
         replay.panel.find("0")
@@ -105,7 +62,7 @@ def _view() -> Iterator[Opened]:
 
 @contextmanager
 def _live() -> Iterator[Opened]:
-    model = _odd_model()
+    model = odd_model()
     muscles = len(model.muscles)
     count = len(model.coordinates)
     page = ChainViewer(model, None, _free_port(), 0)
@@ -192,11 +149,7 @@ def test_names_that_hold_markup_are_texts(page: Opened, browser: Browser, tmp_pa
     browser.until(f"document.body.innerText.includes({page.text!r})")
     if page.text != "Drop":
         browser.until("document.body.innerText.includes('<img src=x onerror=')")
-    title = browser.run("document.title")
-    assert title != "ran"
-    assert not browser.run("document.querySelectorAll('iframe, img[src=x], svg[onload]').length")
-    links = "[...document.querySelectorAll('a')].some(link => link.href.startsWith('javascript'))"
-    assert not browser.run(links)
+    assert not browser.run(RAN)
     assert len(np.unique(browser.picture(tmp_path / "page.png").reshape(-1, 3), axis=0)) > 10
 
 
