@@ -5,15 +5,19 @@ from __future__ import annotations
 import base64
 import os
 import signal
+import struct
+import tracemalloc
 import zlib
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from binary_seeds import binary_seeds
 from fuzz_readers import READERS, reader
 from scipy.io import savemat
 
+from myomorph.core.io.c3d.raw import read_raw_c3d
 from myomorph.core.io.formats import read_model, read_trial
 from myomorph.core.io.mesh import read_mesh
 from myomorph.core.io.parsing.door import MAX_SIZES
@@ -78,6 +82,39 @@ def test_no_file_is_read_that_another_leads_to(tmp_path: Path, lead_out, name) -
         lead_out(file, elsewhere)
     with pytest.raises(BadFile, match="lies in another file"):
         reader(name).read(path)
+
+
+def _with_records(record: bytes, count: int) -> bytes:
+    """Return a C3D file that begins its parameters with copies of a record."""
+    content = binary_seeds()[".c3d"][0]
+    start = 512 * (content[0] - 1) + 4
+    return content[:start] + record * count + content[start:]
+
+
+def test_parameters_of_c3d_that_share_their_bytes(tmp_path: Path) -> None:
+    """Each of many small records claims the megabyte behind it."""
+    record = struct.pack("<bb1shbb3B", 1, 1, b"A", 7, 1, 3, 255, 255, 15)
+    (tmp_path / "a.c3d").write_bytes(_with_records(record, 20_000))
+    tracemalloc.start()
+    try:
+        trial = read_trial(tmp_path / "a.c3d")
+        assert tracemalloc.get_traced_memory()[1] < 2**28
+    except BadFile:
+        assert tracemalloc.get_traced_memory()[1] < 2**28
+    else:
+        assert len(trial.warnings) < 30
+    finally:
+        tracemalloc.stop()
+
+
+def test_many_broken_parameters_of_c3d_are_one_message(tmp_path: Path) -> None:
+    record = struct.pack("<bb1shbb", 1, 1, b"A", 4, 3, 0)
+    for count in (3, 5_000):
+        (tmp_path / "a.c3d").write_bytes(_with_records(record, count))
+        remarks = [str(each) for each in read_raw_c3d(tmp_path / "a.c3d").remarks]
+        about = [text for text in remarks if "left out" in text]
+        assert len(about) == (3 if count == 3 else 1), about[:3]
+        assert count == 3 or "5000 parameters" in about[0]
 
 
 def test_a_packed_matlab_file_of_zeros(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ HINTS = ("Open the address that the terminal shows", "open the address that 'myo
 """What a refused request shows."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Opened:
     """A page that is served.
 
@@ -55,7 +55,12 @@ def _view() -> Iterator[Opened]:
     replay = Replay([{MARKUP[1]: lambda: shown, "other": lambda: shown}])
     try:
         replay.panel.find("0")
-        yield Opened(replay.address, replay.port, "Time [s]", replay.address.partition("=")[2])
+        yield Opened(
+            address=replay.address,
+            port=replay.port,
+            text="Time [s]",
+            token=replay.address.partition("=")[2],
+        )
     finally:
         replay.close()
 
@@ -65,7 +70,7 @@ def _live() -> Iterator[Opened]:
     model = odd_model()
     muscles = len(model.muscles)
     count = len(model.coordinates)
-    page = ChainViewer(model, None, _free_port(), 0)
+    page = ChainViewer(model=model, surfaces=None, port=_free_port(), wrenches=0)
     shown = Shown(
         coordinates=np.array([coordinate.default for coordinate in model.coordinates]),
         activations=np.full(muscles, 0.5),
@@ -78,7 +83,12 @@ def _live() -> Iterator[Opened]:
     )
     try:
         page.show(shown)
-        yield Opened(page.address, page.port, "Muscle", page.address.partition("=")[2])
+        yield Opened(
+            address=page.address,
+            port=page.port,
+            text="Muscle",
+            token=page.address.partition("=")[2],
+        )
     finally:
         page.close()
 
@@ -90,7 +100,7 @@ def _app(home: Path) -> Iterator[Opened]:
     thread.start()
     access = server.access
     try:
-        yield Opened(access.address, access.port, "Drop", access.token)
+        yield Opened(address=access.address, port=access.port, text="Drop", token=access.token)
     finally:
         server.shutdown()
         server.server_close()

@@ -9,7 +9,7 @@ never reads more than the file holds.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -30,6 +30,9 @@ DEC = 85
 SGI = 86
 EVENT_KEY = 12345
 MAX_EVENTS = 18
+MAX_NAMED = 20
+MAX_SECTION = 0xFFFF * BLOCK
+"""Largest parameter section: the header states the first block behind it in 16 bits [bytes]."""
 MAX_DIMENSIONS = 7
 
 WORDS_OF_POSE = 17  # Of a segment: a matrix (4, 4) and its reliability.
@@ -333,7 +336,7 @@ def _records(data: bytes, section: int, order: _Order, remarks: list[Message]) -
     remarks : gets a warning where a record is broken
     """
     at = section + 4
-    while 0 <= at < len(data) - 4:
+    while 0 <= at < min(len(data) - 4, section + MAX_SECTION):
         length = abs(_signed(data[at]))
         if length == 0:
             return
@@ -373,26 +376,45 @@ def _parameters(
     """
     group_names: dict[int, str] = {}
     parameters: list[tuple[_Record, Value]] = []
+    broken: list[str] = []
+    left = MAX_SECTION
     for record in _records(data, section, order, remarks):
         if record.group < 0:
             group_names[-record.group] = record.name
             continue
-        value = _value(data, record.value_at, order)
-        if value is None:
-            remarks.append(
-                READING.message(
-                    f"parameter '{record.name}' is broken or reaches past the end of the file: it"
-                    " was left out"
-                )
-            )
+        value = _value(data, record.value_at, order) if left >= 0 else None
+        # Records may overlap in a crafted file, so that their values are larger than it.
+        left -= 0 if value is None else _bytes_of(value)
+        if value is None or left < 0:
+            broken.append(record.name)
             continue
         parameters.append((record, value))
+    remarks += _broken_parameters(broken)
     # The record that names a group may stand behind its parameters.
     groups: dict[str, dict[str, Value]] = {}
     for record, value in parameters:
         group = group_names.get(record.group, f"GROUP {record.group}")
         groups.setdefault(group, {}).setdefault(record.name, value)
     return groups
+
+
+def _broken_parameters(names: Sequence[str]) -> Iterator[Message]:
+    """Yield what is said of parameters that were left out: each of a few, many together."""
+    if len(names) > MAX_NAMED:
+        yield READING.message(
+            f"{len(names)} parameters are broken or reach past the end of the file, as"
+            f" '{names[0]}': they were left out"
+        )
+        return
+    for name in names:
+        yield READING.message(
+            f"parameter '{name}' is broken or reaches past the end of the file: it was left out"
+        )
+
+
+def _bytes_of(value: Value) -> int:
+    """Return how many bytes a parameter's value takes."""
+    return sum(map(len, value)) if isinstance(value, tuple) else value.nbytes
 
 
 def _signed(byte: int) -> int:
@@ -423,6 +445,8 @@ def _value(data: bytes, at: int, order: _Order) -> Value | None:
     shape = tuple(data[at + 2 : start])
     count = int(np.prod(shape, dtype=np.int64))
     size = count * BYTES_OF_KIND[kind]
+    if size > MAX_SECTION:
+        return None
     raw = data[start : start + size]
     if len(shape) < rank or len(raw) < size:
         return None
