@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import base64
 import os
+import re
 import signal
 import struct
 import tracemalloc
 import zlib
+from contextlib import suppress
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from binary_seeds import binary_seeds
+from binary_seeds import SEEDS, binary_seeds
 from fuzz_readers import READERS, reader
 from scipy.io import savemat
 
@@ -236,3 +238,24 @@ def test_comments_are_taken_out_of_xml_that_needs_repair(tmp_path: Path) -> None
 def test_entities_are_found(text: str, declares: bool) -> None:
     assert declares_entities(text.encode("utf-8")) is declares
     assert declares_entities(text.encode("utf-16")) is declares
+
+
+@pytest.mark.parametrize("lines", [1, 2])
+@pytest.mark.parametrize("name", ["apdm.csv", "apdm_older.csv"])
+def test_a_table_of_sensors_that_ends_within_its_head(
+    tmp_path: Path, name: str, lines: int
+) -> None:
+    content = (SEEDS / name).read_bytes().splitlines(keepends=True)
+    (tmp_path / name).write_bytes(b"".join(content[:lines]))
+    with pytest.raises(MyomorphError):
+        reader("Movella DOT, APDM or Delsys, .csv").read(tmp_path / name)
+
+
+@pytest.mark.parametrize("rate", ["1.2.3", "..", "0", "0.0"])
+def test_a_rate_of_sensors_that_is_none(tmp_path: Path, rate: str) -> None:
+    content = (SEEDS / "xsens.txt").read_text(encoding="utf-8")
+    odd, count = re.subn(r"(Update\s*Rate:?[,\s]*)[\d.]+", rf"\g<1>{rate}", content)
+    assert count == 1
+    (tmp_path / "xsens.txt").write_text(odd, encoding="utf-8")
+    with suppress(MyomorphError):
+        reader("Xsens MT Manager, .txt").read(tmp_path / "xsens.txt")

@@ -72,6 +72,8 @@ def read_apdm_csv(path: Path) -> InertialSensors:
     BadFile : it has no sensor, a row that is not of numbers, or times that do not rise
     """
     lines = file_text(path, HINT).splitlines()
+    if len(lines) < 3:
+        raise BadFile(path, "ends within its lines of names", HINT)
     if lines[0].lstrip("\ufeff").startswith(FORMAT):
         columns = _columns_of_format_7(lines[:3])
         head = 3

@@ -51,7 +51,7 @@ SENSOR_TAGS = {
     "accelerations": "sensorAcceleration",
 }
 """Elements of MVNX."""
-RATE = re.compile(r"Update\s*Rate:?[,\s]*([\d.]+)")
+RATE = re.compile(r"Update\s*Rate:?[,\s]*(\d+\.?\d*)")
 TAG = re.compile(r"DeviceTag:?[,\s]*(\S+)")
 
 
@@ -349,7 +349,7 @@ def _clock(table: _SensorTable, path: Path) -> Array:
     BadFile : neither a rate with a counter nor a clock of samples is there
     """
     rate = RATE.search(table.head)
-    if rate and table.has("PacketCounter"):
+    if rate and float(rate.group(1)) > 0.0 and table.has("PacketCounter"):
         packets = _unwrapped(table.column("PacketCounter"), PACKET_COUNTS)
         return np.asarray(packets / float(rate.group(1)))
     if not table.has("SampleTimeFine") or not np.isfinite(table.column("SampleTimeFine")).all():
