@@ -20,7 +20,7 @@ import numpy as np
 
 from myomorph.core.io.formats import is_composed
 from myomorph.core.io.parsing.door import readable
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadFile
 from myomorph.core.model.provenance import Provenance
 from myomorph.live.chain import ChainFrame, LiveChain
@@ -275,6 +275,7 @@ def _head(facts: Mapping[str, Any]) -> LogHead:
     )
 
 
+@read_only
 @dataclass(frozen=True, kw_only=True)
 class StoredLog:
     """What a log holds.
