@@ -5,6 +5,8 @@ It is rotated, shifted, resized, refined or coarsened, cut off, with noise.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import igl
 import numpy as np
 import trimesh
@@ -14,13 +16,27 @@ from myomorph.core.model.surface import Surface
 from myomorph.core.surfaces.linear_maps import Similarity
 
 
+@dataclass(frozen=True, kw_only=True)
+class ScanQuality:
+    """How well a scan shows a bone.
+
+    Attributes
+    ----------
+    noise : standard deviation of each vertex along an axis [m]
+    cut : share of the bone's length that is cut off
+    refine : times that every triangle is split into four
+    """
+
+    noise: float = 3e-4
+    cut: float = 0.0
+    refine: int = 2
+
+
+USUAL = ScanQuality()
+
+
 def made_scan(
-    bone: Surface,
-    seed: int = 1,
-    scale: float = 1.02,
-    noise: float = 3e-4,
-    cut: float = 0.0,
-    refine: int = 2,
+    bone: Surface, seed: int = 1, scale: float = 1.02, quality: ScanQuality = USUAL
 ) -> tuple[Surface, Similarity]:
     """Make a scan of a bone, and the similarity from scan to bone.
 
@@ -28,18 +44,18 @@ def made_scan(
     """
     random = np.random.default_rng(seed)
     mesh = trimesh.Trimesh(bone.vertices, bone.faces, process=True)
-    for _ in range(refine):
+    for _ in range(quality.refine):
         mesh = mesh.subdivide()
     vertices = np.array(mesh.vertices)
     faces = np.array(mesh.faces)
-    if cut:
+    if quality.cut:
         long = np.linalg.svd(vertices - vertices.mean(axis=0), full_matrices=False)[2][0]
         along = vertices @ long
-        kept = along < np.quantile(along, 1 - cut)
+        kept = along < np.quantile(along, 1 - quality.cut)
         used, index = np.unique(faces[kept[faces].all(axis=1)], return_inverse=True)
         vertices = vertices[used]
         faces = index.reshape(-1, 3)
-    vertices = vertices + noise * random.normal(size=vertices.shape)
+    vertices = vertices + quality.noise * random.normal(size=vertices.shape)
     back = Similarity(
         rotation_from_euler_xyz(random.uniform(-3, 3, 3)), random.uniform(-0.3, 0.3, 3), 1 / scale
     )

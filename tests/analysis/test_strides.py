@@ -5,6 +5,8 @@ Plates agree with markers on a real walk; a mouse's strides have gaps.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -24,48 +26,80 @@ LIMBS = (
 )
 
 
-def gait(
-    rate=200.0,
-    period=0.25,
-    duty=0.6,
-    length=0.06,
-    width=0.02,
-    phase=0.5,
-    belt=False,
-    cycles=12,
-    turn=0.0,
-):
+@dataclass(frozen=True, kw_only=True)
+class Gait:
+    """A made gait of two paws.
+
+    Attributes
+    ----------
+    rate : of the frames [Hz]
+    period, length : of a stride [s, m]
+    duty : share of the stride in which a paw stands
+    width : between the paws [m]
+    phase : of the left paw, in strides
+    belt : whether the ground moves under a body that stays
+    cycles : number of strides
+    turn : of the direction about the vertical [rad]
+    """
+
+    rate: float = 200.0
+    period: float = 0.25
+    duty: float = 0.6
+    length: float = 0.06
+    width: float = 0.02
+    phase: float = 0.5
+    belt: bool = False
+    cycles: int = 12
+    turn: float = 0.0
+
+
+USUAL = Gait()
+
+
+def gait(made=USUAL):
     """Make two paws that stand still on the ground (or move with the belt) and swing evenly.
 
     Foot strikes are at whole cycles.
     """
-    time = np.arange(0.0, cycles * period, 1.0 / rate)
-    speed = length / period
-    columns = []
-    for side, shift in ((-0.5, 0.0), (0.5, phase)):
-        cycle = time / period - shift
-        k = np.floor(cycle)
-        share = cycle % 1.0
-        u = np.clip((share - duty) / (1.0 - duty), 0.0, 1.0)
-        forward = (k + shift + u) * length
-        height = 0.1 * length * np.sin(np.pi * u)
-        columns.append(np.stack([forward, np.full_like(time, side * width), height], axis=1))
-    body = np.stack(
-        [speed * time + 0.3 * length, np.zeros_like(time), np.full_like(time, length)], axis=1
-    )
-    points = np.stack([*columns, body], axis=1)
-    if belt:
+    time = np.arange(0.0, made.cycles * made.period, 1.0 / made.rate)
+    speed = made.length / made.period
+    right = _paw(made, time, -0.5, 0.0)
+    left = _paw(made, time, 0.5, made.phase)
+    along = speed * time + 0.3 * made.length
+    body = np.stack([along, np.zeros_like(time), np.full_like(time, made.length)], axis=1)
+    points = np.stack([right, left, body], axis=1)
+    if made.belt:
         points[:, :, 0] -= (speed * time)[:, None]
-    turned = points @ np.array(
-        [[np.cos(turn), np.sin(turn), 0], [-np.sin(turn), np.cos(turn), 0], [0, 0, 1]]
-    )
+    cosine = np.cos(made.turn)
+    sine = np.sin(made.turn)
+    turned = points @ np.array([[cosine, sine, 0], [-sine, cosine, 0], [0, 0, 1]])
     return Series(time, ("paw_r", "paw_l", "trunk"), turned)
+
+
+def _paw(made, time, side, shift):
+    """Return positions (frames, 3) of a paw on one side, its strikes shifted by a share."""
+    cycle = time / made.period - shift
+    u = np.clip((cycle % 1.0 - made.duty) / (1.0 - made.duty), 0.0, 1.0)
+    forward = (np.floor(cycle) + shift + u) * made.length
+    height = 0.1 * made.length * np.sin(np.pi * u)
+    return np.stack([forward, np.full_like(time, side * made.width), height], axis=1)
 
 
 @pytest.mark.parametrize("belt", [False, True])
 @pytest.mark.parametrize(("rate", "period", "length"), [(200.0, 0.25, 0.06), (100.0, 1.1, 1.4)])
 def test_a_made_gait_comes_back(belt, rate, period, length):
-    made = gait(rate, period, 0.6, length, 0.3 * length, 0.4, belt, turn=0.5)
+    made = gait(
+        Gait(
+            rate=rate,
+            period=period,
+            duty=0.6,
+            length=length,
+            width=0.3 * length,
+            phase=0.4,
+            belt=belt,
+            turn=0.5,
+        )
+    )
     found = find_strides(made, LIMBS, ("trunk",), Z)
     np.testing.assert_allclose(found.direction, (np.cos(0.5), np.sin(0.5), 0.0), atol=2e-3)
     assert found.ground_speed == pytest.approx(-length / period if belt else 0.0, rel=0.01)
@@ -85,7 +119,7 @@ def test_a_made_gait_comes_back(belt, rate, period, length):
 
 
 def test_strides_do_not_depend_on_how_the_room_lies():
-    made = gait(turn=0.0)
+    made = gait(Gait(turn=0.0))
     turned = Series(made.time, made.names, made.values @ Z_UP_TO_Y_UP.T)
     here = find_strides(made, LIMBS, ("trunk",), Z)
     there = find_strides(turned, LIMBS, ("trunk",), Y)
@@ -98,7 +132,7 @@ def test_strides_do_not_depend_on_how_the_room_lies():
 
 
 def test_what_was_not_seen_is_not_told():
-    made = gait(cycles=20)
+    made = gait(Gait(cycles=20))
     rng = np.random.default_rng(0)
     values = np.array(made.values)
     for start in rng.uniform(0.0, made.time[-1], 12):
@@ -142,7 +176,7 @@ def test_feet_that_tremble_make_no_strides():
 
 
 def test_plates_go_before_markers():
-    made = gait(belt=False)
+    made = gait(Gait(belt=False))
     strikes = 0.25 * np.arange(1, 12)
     time = np.arange(0.0, made.time[-1], 0.001)
     share = (time - 0.004) / 0.25 % 1.0

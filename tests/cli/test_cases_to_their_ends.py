@@ -14,7 +14,7 @@ from made_standing import standing
 from myomorph.core.io.c3d.write import write_c3d
 from myomorph.core.model.series import Z_UP_TO_Y_UP, Markers, PlateRecording
 from myomorph.core.model.spatial import rotation_from_quaternion
-from truths.simulated_sensors import NO_ERRORS, simulated_sensors
+from truths.simulated_sensors import NO_ERRORS, Mounting, mounted_sensors
 
 RATE = 128.0
 BODIES = ("upper", "fore")
@@ -29,7 +29,7 @@ def turned(arm):
     model = mm.read_model(arm.model)
     motion = mm.read_motion(arm.motion, model)
     mounted = np.tile(np.eye(3), (2, 1, 1))
-    made = simulated_sensors(model, motion, BODIES, NO_ERRORS, mounted=mounted)
+    made = mounted_sensors(model, motion, Mounting(bodies=BODIES, rotations=mounted), NO_ERRORS)
     held = np.repeat(made.pose.orientations[:1], 64, axis=0)
     return np.concatenate([held, made.sensors.orientations]), np.asarray(motion.values)
 

@@ -8,7 +8,7 @@ import pytest
 import myomorph as mm
 from myomorph.core.io.inertial.read import read_inertial
 from sensor_files import write_orientations
-from truths.simulated_sensors import NO_ERRORS, simulated_sensors
+from truths.simulated_sensors import NO_ERRORS, Mounting, mounted_sensors
 
 BODIES = ("upper", "fore")
 
@@ -17,12 +17,11 @@ BODIES = ("upper", "fore")
 def sensors(arm):
     """Files of the sensors of the reaching arm, and of its calibration pose."""
     model = mm.read_model(arm.model)
-    made = simulated_sensors(
+    made = mounted_sensors(
         model,
         mm.read_motion(arm.motion, model),
-        BODIES,
+        Mounting(bodies=BODIES, rotations=np.tile(np.eye(3), (2, 1, 1))),
         NO_ERRORS,
-        mounted=np.tile(np.eye(3), (2, 1, 1)),
     )
     files = arm.folder / "walk_imu.sto", arm.folder / "pose_imu.sto"
     for path, part in zip(files, (made.sensors, made.pose), strict=True):

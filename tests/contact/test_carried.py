@@ -12,7 +12,7 @@ from myomorph.core.io.c3d.read import read_c3d
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Markers
 from myomorph.core.model.spatial import rotation_from_euler_xyz, vector_from_rotation
-from truths.handle_sensor import fit_handle, grip_point, object_motion
+from truths.handle_sensor import HandleForce, fit_handle, grip_point, object_motion
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 SENSOR = rotation_from_euler_xyz((0.3, 1.2, -0.8))
@@ -68,7 +68,9 @@ def test_a_made_handle_comes_back(squeeze):
     markers, own, force = carried(squeeze)
     motion = object_motion(markers, markers.names, 12.0)
     held = (markers.time > 0.6) & (markers.time < 3.4)
-    found = fit_handle(motion, held, own, force, GRAVITY, 12.0, LINE if squeeze else None)
+    found = fit_handle(
+        motion, held, HandleForce(time=own, values=force), GRAVITY, LINE if squeeze else None
+    )
     assert np.linalg.norm(vector_from_rotation(found.rotation @ SENSOR.T)) < 0.01
     assert found.share == pytest.approx(2.5, rel=0.005)
     assert found.offset == pytest.approx(0.012, abs=1e-3)
@@ -88,8 +90,8 @@ def test_one_hand_does_not_explain_what_two_do():
     markers, own, force = carried(True)
     motion = object_motion(markers, markers.names, 12.0)
     held = (markers.time > 0.6) & (markers.time < 3.4)
-    alone = fit_handle(motion, held, own, force, GRAVITY, 12.0, None)
-    both = fit_handle(motion, held, own, force, GRAVITY, 12.0, LINE)
+    alone = fit_handle(motion, held, HandleForce(time=own, values=force), GRAVITY, None)
+    both = fit_handle(motion, held, HandleForce(time=own, values=force), GRAVITY, LINE)
     assert alone.rms > 10 * both.rms
 
 
@@ -102,19 +104,15 @@ def test_an_object_at_rest_shows_no_orientation():
         fit_handle(
             object_motion(still, still.names, 6.0),
             np.ones(len(still), bool),
-            own,
-            force,
+            HandleForce(time=own, values=force),
             GRAVITY,
-            6.0,
         )
     with pytest.raises(BadData, match="held in 5 frames"):
         fit_handle(
             object_motion(markers, markers.names, 6.0),
             np.arange(len(markers)) < 5,
-            own,
-            force,
+            HandleForce(time=own, values=force),
             GRAVITY,
-            6.0,
         )
 
 
@@ -147,8 +145,8 @@ def test_the_handle_of_a_lifted_box(data):
     corners = np.stack([markers[name][0] for name in names])
     line = corners[2:4].mean(axis=0) - corners[0:2].mean(axis=0)
     held = (markers.time > 2.05) & (markers.time < 3.65)
-    two = fit_handle(motion, held, own, force - before, GRAVITY, 6.0, line)
-    one = fit_handle(motion, held, own, force - before, GRAVITY, 6.0, None)
+    two = fit_handle(motion, held, HandleForce(time=own, values=force - before), GRAVITY, line)
+    one = fit_handle(motion, held, HandleForce(time=own, values=force - before), GRAVITY, None)
     assert two.rms < 1.5
     assert one.rms > 5 * two.rms
     assert 2.0 < two.share < 3.0

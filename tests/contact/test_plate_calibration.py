@@ -28,7 +28,7 @@ EXACT = {"force": 0.0, "moment": 0.0, "point": 0.0}
 USUAL = {"force": 0.3, "moment": 0.05, "point": 0.0005}
 
 
-def weights(places=GRID, seed=0, mass=20.0, noise=EXACT, axes=AXES, center=CENTER):
+def _weights(places=GRID, seed=0, mass=20.0, noise=EXACT, axes=AXES, center=CENTER):
     """Simulate a weight at rest at positions (x, y) of the plate.
 
     Its center of mass is 0.1 m above the plate.
@@ -38,7 +38,7 @@ def weights(places=GRID, seed=0, mass=20.0, noise=EXACT, axes=AXES, center=CENTE
     for number, place in enumerate(places):
         foot = center + axes @ np.array([*place, 0.0])
         found.append(
-            placement(
+            _placement(
                 f"place {number}",
                 foot,
                 np.array([0.0, 0, 1]),
@@ -52,7 +52,7 @@ def weights(places=GRID, seed=0, mass=20.0, noise=EXACT, axes=AXES, center=CENTE
     return [replace(one, weight="disc", expected=mass * GRAVITY) for one in found]
 
 
-def pushes(places=GRID, seed=0, noise=EXACT, tip=False, axes=AXES, center=CENTER):
+def _pushes(places=GRID, seed=0, noise=EXACT, tip=False, axes=AXES, center=CENTER):
     """Pushes of a rod at places of the plate, 10 to 30 degrees off the vertical."""
     random = np.random.default_rng(seed)
     found = []
@@ -61,14 +61,14 @@ def pushes(places=GRID, seed=0, noise=EXACT, tip=False, axes=AXES, center=CENTER
         tilt = random.uniform(0.2, 0.5)
         turn = random.uniform(0, 2 * np.pi)
         up = np.array([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)])
-        one = placement(
+        one = _placement(
             f"push {number}", foot, up, random.uniform(100, 300), random, noise, axes, center
         )
         found.append(replace(one, pushed=True, contact=foot if tip else None))
     return found
 
 
-def placement(name, foot, up, size, random, noise, axes, center):
+def _placement(name, foot, up, size, random, noise, axes, center):
     force = size * axes.T @ up
     moment = np.cross(axes.T @ (foot - center), force)
     return Placement(
@@ -97,7 +97,7 @@ def apart(found) -> tuple[float, float]:
 
 
 def test_oblique_pushes_show_the_whole_pose():
-    found = calibrate_plate(pushes())
+    found = calibrate_plate(_pushes())
     assert apart(found)[0] < 1e-9
     assert apart(found)[1] < 1e-9
     assert found.unknown.shape == (6, 0)
@@ -110,7 +110,7 @@ def test_weights_at_rest_never_show_the_height():
     The height stays where the file has it, and that is reported.
     """
     nominal = plate(axis_rotation((0, 0, 1), 0.05) @ AXES, CENTER + [0.01, -0.02, 0.004])
-    found = calibrate_plate(weights(), nominal)
+    found = calibrate_plate(_weights(), nominal)
     np.testing.assert_allclose(found.center, CENTER + [0, 0, 0.004], atol=2e-4)
     assert apart(found)[1] < 1e-9
     assert found.unknown.shape == (6, 1)
@@ -118,12 +118,12 @@ def test_weights_at_rest_never_show_the_height():
     assert np.isfinite(pose_deviations(found)[3:5]).all()
     assert "the height of the plate is not shown" in found.notes[0]
     assert "stays where the file has it" in found.notes[0]
-    assert "arbitrary" in calibrate_plate(weights()).notes[0]
+    assert "arbitrary" in calibrate_plate(_weights()).notes[0]
 
 
 def test_a_rods_tip_on_the_surface_shows_the_height_too():
     upright = [
-        replace(one, contact=one.point - 0.1 * one.direction, pushed=True) for one in weights()
+        replace(one, contact=one.point - 0.1 * one.direction, pushed=True) for one in _weights()
     ]
     found = calibrate_plate(upright)
     assert apart(found)[0] < 1e-9
@@ -133,14 +133,14 @@ def test_a_rods_tip_on_the_surface_shows_the_height_too():
 @pytest.mark.parametrize("turned", [0.5, 2.0, 3.1])
 def test_a_nominal_pose_that_is_far_off_does_no_harm(turned):
     nominal = plate(axis_rotation((0, 0, 1), turned) @ AXES, CENTER + 0.3)
-    assert apart(calibrate_plate(pushes(), nominal))[1] < 1e-9
+    assert apart(calibrate_plate(_pushes(), nominal))[1] < 1e-9
 
 
 def test_the_whole_laboratory_may_turn():
     """Equivariance: placements seen from other axes give the pose seen from there."""
     turn = rotation_from_euler_xyz((0.4, -1.1, 2.0))
     shift = np.array([1.0, 2.0, -0.5])
-    given = pushes(noise=USUAL)
+    given = _pushes(noise=USUAL)
     moved = [
         replace(one, point=turn @ one.point + shift, direction=turn @ one.direction)
         for one in given
@@ -154,7 +154,7 @@ def test_the_whole_laboratory_may_turn():
 
 def test_the_pose_found_is_a_least_one():
     """No small turn or shift makes the sum of squares smaller."""
-    given = pushes(noise=USUAL, tip=True)
+    given = _pushes(noise=USUAL, tip=True)
     found = calibrate_plate(given)
     lines = LineResiduals.of(given)
     best = solve_pose(lines, found).cost
@@ -168,7 +168,7 @@ def test_the_pose_found_is_a_least_one():
 
 def test_derivatives_of_lengths_are_those_of_finite_differences():
     """The sum of squares is free of how the sides across a force are chosen."""
-    given = pushes(noise=USUAL, tip=True)
+    given = _pushes(noise=USUAL, tip=True)
     lines = LineResiduals.of(given)
     axes = axis_rotation((1, 0, 0), 0.02) @ AXES
     center = CENTER + 0.003
@@ -187,7 +187,7 @@ def test_deviations_are_those_that_runs_show():
     errors = []
     told = []
     for seed in range(30):
-        found = calibrate_plate(pushes(seed=seed, noise=USUAL))
+        found = calibrate_plate(_pushes(seed=seed, noise=USUAL))
         errors.append(
             np.concatenate([vector_from_rotation(found.rotation @ AXES.T), found.center - CENTER])
         )
@@ -197,7 +197,7 @@ def test_deviations_are_those_that_runs_show():
 
 
 def test_left_out_residuals_are_those_of_a_fit_without_the_placement():
-    given = pushes(noise=USUAL)
+    given = _pushes(noise=USUAL)
     found = calibrate_plate(given)
     without = solve_pose(LineResiduals.of(given[1:]), found)
     nearest, force = given[0].line
@@ -215,7 +215,7 @@ def test_left_out_residuals_are_those_of_a_fit_without_the_placement():
 def test_a_check_finds_what_is_off_and_only_that():
     turn = axis_rotation((0, 0, 1), 0.02)
     wrong = plate(turn @ AXES, CENTER + [0.005, 0.003, 0.0])
-    given = weights(noise=USUAL, seed=3)
+    given = _weights(noise=USUAL, seed=3)
     off = check_plate(wrong, given)
     assert off.significant
     np.testing.assert_allclose(off.shift[:2], [-0.005, -0.003], atol=1e-3)
@@ -224,7 +224,7 @@ def test_a_check_finds_what_is_off_and_only_that():
 
 
 def test_chance_is_uniform_where_the_calibration_is_right():
-    chances = [check_plate(plate(), weights(noise=USUAL, seed=seed)).chance for seed in range(25)]
+    chances = [check_plate(plate(), _weights(noise=USUAL, seed=seed)).chance for seed in range(25)]
     assert 0 <= np.mean(np.array(chances) < 0.05) < 0.15
     assert 0.35 < np.mean(chances) < 0.65
 
@@ -234,7 +234,7 @@ def test_a_calibrated_plate_gives_forces_in_the_laboratory():
 
     The force is vertical.
     """
-    given = weights()
+    given = _weights()
     wrong = plate(axis_rotation((0, 0, 1), 0.05) @ AXES, CENTER + [0.01, -0.02, 0.0])
     channels = np.array([np.concatenate([one.force, one.moment]) for one in given])
     found = calibrate_plate(given, wrong)
@@ -251,19 +251,19 @@ def test_a_calibrated_plate_gives_forces_in_the_laboratory():
 
 def test_too_few_or_coincident_placements_are_refused():
     with pytest.raises(BadData, match="2 placements can be used, expected at least 3"):
-        calibrate_plate(weights(GRID[:2]))
+        calibrate_plate(_weights(GRID[:2]))
     with pytest.raises(BadData, match="the plate's turn about the vertical is not shown"):
-        calibrate_plate(weights([(0.01, 0.0), (0.0, 0.01), (0.0, 0.0)]))
+        calibrate_plate(_weights([(0.01, 0.0), (0.0, 0.01), (0.0, 0.0)]))
 
 
 def test_placements_on_a_line_are_named():
-    notes = calibrate_plate(weights([(0.0, -0.2), (0.0, 0.05), (0.0, 0.2)])).notes
+    notes = calibrate_plate(_weights([(0.0, -0.2), (0.0, 0.05), (0.0, 0.2)])).notes
     assert any("lie on a line" in line for line in notes)
-    assert not any("lie on a line" in line for line in calibrate_plate(weights()).notes)
+    assert not any("lie on a line" in line for line in calibrate_plate(_weights()).notes)
 
 
 def test_a_weight_that_was_not_at_rest_is_left_out_by_name():
-    given = weights(noise=USUAL)
+    given = _weights(noise=USUAL)
     given[2] = replace(given[2], moved=0.012, point=given[2].point + [0.05, 0.0, 0.0])
     given[5] = replace(given[5], unsteady=0.08)
     found = calibrate_plate(given)
@@ -273,7 +273,7 @@ def test_a_weight_that_was_not_at_rest_is_left_out_by_name():
 
 
 def test_a_wrong_mass_and_a_touched_weight_are_named():
-    given = [replace(one, expected=18.0 * GRAVITY) for one in weights()]
+    given = [replace(one, expected=18.0 * GRAVITY) for one in _weights()]
     given[4] = replace(given[4], force=0.7 * given[4].force, moment=0.7 * given[4].moment)
     found = calibrate_plate(given)
     assert (
@@ -285,7 +285,7 @@ def test_a_wrong_mass_and_a_touched_weight_are_named():
 
 
 def test_a_mislabelled_marker_is_named():
-    given = weights(noise=USUAL)
+    given = _weights(noise=USUAL)
     given[7] = replace(given[7], point=given[7].point + [0.03, 0.0, 0.0])
     assert any(
         "'place 7' lies" in line and "mislabelled" in line for line in calibrate_plate(given).notes
@@ -293,7 +293,7 @@ def test_a_mislabelled_marker_is_named():
 
 
 def test_the_force_on_the_plate_instead_of_the_weight_is_named():
-    given = [replace(one, force=-one.force, moment=-one.moment) for one in weights()]
+    given = [replace(one, force=-one.force, moment=-one.moment) for one in _weights()]
     assert any("reversed" in line for line in calibrate_plate(given).notes)
 
 
@@ -332,7 +332,7 @@ def test_placements_are_found_in_a_recording():
         recording, fine, markers, MarkedWeight("disc", ("a", "b", "c"), mass=20.0)
     )
     assert len(found) == 4
-    for one, known in zip(found, weights(GRID[:4]), strict=True):
+    for one, known in zip(found, _weights(GRID[:4]), strict=True):
         np.testing.assert_allclose(one.force, known.force, atol=0.05)
         np.testing.assert_allclose(one.moment, known.moment, atol=0.01)
         np.testing.assert_allclose(one.point, known.point, atol=1e-4)

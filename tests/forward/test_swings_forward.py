@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from tests.viscosity.swung_limb import GRAVITY, LIMB, law, swung
+from tests.viscosity.swung_limb import GRAVITY, LIMB, Setup, law, swung
 
 from myomorph.core.model.functions import linear
 from myomorph.core.model.inertia import inertia_matrices
@@ -66,7 +66,7 @@ def angle_rates(angles, rates):
 
 def test_a_swing_with_its_viscosity_is_the_recorded_one():
     start = [0.5, 0.2, 0.3]
-    recording = swung([law(hinges=DAMPING)], [start], [[0.5, 1.0, 0.4]], seconds=SECONDS)[0]
+    recording = swung([law(hinges=DAMPING)], [start], [[0.5, 1.0, 0.4]], Setup(seconds=SECONDS))[0]
     model = with_passive_dynamics(limb(), damping=dict(zip(NAMES, DAMPING, strict=True)))
     angles = Rotation.from_matrix(recording.rotations[0]).as_euler("XYZ")
     first = Motion(

@@ -247,14 +247,10 @@ def simulated(model, frames, seed=0, hold=None):
     )
 
 
-def recorded(model, motion, truth=None, noise=0.0, offset=None, seed=0):
-    """Simulate the wrench that the truth needs, on the first body.
-
-    It has noise [N, N m] and a constant in ground.
-    """
+def recorded(model, motion, truth=None, noise=0.0, seed=0):
+    """Simulate the wrench that the truth needs, on the first body, with noise [N, N m]."""
     truth = inertial_parameters(model) if truth is None else truth
     wrench = base_regressor(model, motion, np.zeros(3)) @ truth.ravel()
-    wrench = wrench + (np.zeros(6) if offset is None else offset)
     wrench = wrench + noise * np.random.default_rng(seed).normal(size=wrench.shape)
     zero = np.zeros((len(motion), 1, 3))
     return Recording(
@@ -266,6 +262,19 @@ def recorded(model, motion, truth=None, noise=0.0, offset=None, seed=0):
             forces=wrench[:, None, 3:],
             points=zero,
             torques=wrench[:, None, :3],
+        ),
+    )
+
+
+def with_offset(recording, offset):
+    """Add a constant (6,) moment and force in ground to a recording [N m; N]."""
+    wrenches = recording.wrenches
+    return replace(
+        recording,
+        wrenches=replace(
+            wrenches,
+            forces=wrenches.forces + offset[3:],
+            torques=wrenches.torques + offset[:3],
         ),
     )
 
@@ -427,7 +436,7 @@ def test_frames_that_cannot_be_used_are_counted(arm):
 def test_a_tare_is_found_and_told_apart(arm):
     truth = other_body(arm)
     offset = np.array([3.0, -2.0, 4.0, 20.0, -30.0, 10.0])
-    given = [recorded(arm, simulated(arm, 1000), truth, noise=0.5, offset=offset)]
+    given = [with_offset(recorded(arm, simulated(arm, 1000), truth, noise=0.5), offset)]
     fit = fit_base(arm, given)
     assert fit.tare.significant
     np.testing.assert_array_less(np.abs(fit.tare.constant - offset), 5.0 * fit.tare.sd)
@@ -463,7 +472,7 @@ def test_a_weight_that_a_tare_took_away_is_missing(arm):
     mass = arm.mass
     offset = np.concatenate([np.zeros(3), mass * np.array(arm.gravity)])
     honest = fit_base(arm, [recorded(arm, motion)])
-    tared = fit_base(arm, [recorded(arm, motion, offset=offset)])
+    tared = fit_base(arm, [with_offset(recorded(arm, motion), offset)])
     assert honest.carried_mass == pytest.approx(mass, rel=0.05)
     assert abs(tared.carried_mass) < 0.05 * mass
     assert tared.tare.significant

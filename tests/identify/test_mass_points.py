@@ -76,7 +76,7 @@ def test_same_solution_as_a_general_solver(case, weights):
     assert np.allclose(fit.parameters, body.parameters(expected), atol=1e-8)
 
 
-def optimality(body, A, b, fit, mass, options):
+def _optimality(body, A, b, fit, mass, options):
     """Return the Karush-Kuhn-Tucker residuals from matrices the solver never forms, in kg."""
     v = prior_variances(body, options)
     B = full_matrix(body, A)
@@ -96,7 +96,7 @@ def test_conditions_of_the_optimum_hold(mass, noise):
     fit = solve_mass_points(body, A, b, mass=mass, options=options)
     assert fit.converged
     assert (fit.masses >= options.floor * body.reference.mean()).all()
-    assert max(optimality(body, A, b, fit, mass, options)) < 1e-5 * body.reference.mean()
+    assert max(_optimality(body, A, b, fit, mass, options)) < 1e-5 * body.reference.mean()
     assert fit.optimality.worst < 1e-7
     assert fit.optimality.stationarity < 1e-12
     if noise == 3000.0:

@@ -40,6 +40,7 @@ from truths.simulated_bodies import TETRAHEDRON
 from truths.simulated_engines import TreeEngine
 from truths.simulated_subject import (
     Instruments,
+    Movement,
     SubjectOptions,
     exciting_curves,
     middles_and_reaches,
@@ -72,7 +73,10 @@ def recorded():
     engine = TreeEngine(compiled, subject.person)
     names, middles, reaches = middles_and_reaches(subject.person)
     found = record(
-        subject, engine, names, exciting_curves(middles, reaches), 6.0, Instruments(rate=50.0)
+        subject,
+        engine,
+        Movement(names=names, curves=exciting_curves(middles, reaches), duration=6.0),
+        Instruments(rate=50.0),
     )
     time = found.markers.time
     skin = np.random.default_rng(1).standard_normal((3, *found.markers.values.shape[1:]))

@@ -25,6 +25,7 @@ from truths.simulated_bodies import TETRAHEDRON
 from truths.simulated_engines import TreeEngine
 from truths.simulated_subject import (
     Instruments,
+    Movement,
     SubjectOptions,
     exciting_curves,
     middles_and_reaches,
@@ -67,7 +68,9 @@ class Laboratory:
         names, middles, reaches = middles_and_reaches(self.subject.person)
         curves = exciting_curves(middles, share * reaches, seed=seed, band=(0.2, 1.4))
         tools = Instruments(rate=50.0, seed=seed)
-        found = record(self.subject, self.engine, names, curves, 4.0, tools)
+        found = record(
+            self.subject, self.engine, Movement(names=names, curves=curves, duration=4.0), tools
+        )
         time = found.markers.time
         skin = np.random.default_rng(seed).standard_normal((3, *found.markers.values.shape[1:]))
         waves = np.sin(np.outer(time, (2.0, 5.0, 9.0)) + np.arange(3.0))

@@ -31,6 +31,7 @@ from truths.simulated_bodies import TETRAHEDRON
 from truths.simulated_engines import TreeEngine
 from truths.simulated_subject import (
     Instruments,
+    Movement,
     SubjectOptions,
     exciting_curves,
     middles_and_reaches,
@@ -55,10 +56,22 @@ def trials() -> Trials:
     engine = TreeEngine(compiled, subject.person)
     names, middles, reaches = middles_and_reaches(subject.person)
     tools = Instruments(rate=100.0)
-    exciting = record(subject, engine, names, exciting_curves(middles, reaches), 30.0, tools)
+    exciting = record(
+        subject,
+        engine,
+        Movement(names=names, curves=exciting_curves(middles, reaches), duration=30.0),
+        tools,
+    )
     steps = step_curves(middles, reaches, 12.0)
     return Trials(
-        subject, exciting, record(subject, engine, names, steps, 12.0, replace(tools, seed=6))
+        subject,
+        exciting,
+        record(
+            subject,
+            engine,
+            Movement(names=names, curves=steps, duration=12.0),
+            replace(tools, seed=6),
+        ),
     )
 
 

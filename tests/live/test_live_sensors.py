@@ -18,7 +18,7 @@ from myomorph.live.loop import follow
 from myomorph.live.sources import Replay
 from myomorph.live.streams import marker_channels
 from sensor_files import write_orientations
-from truths.simulated_sensors import NO_ERRORS, simulated_sensors
+from truths.simulated_sensors import NO_ERRORS, Mounting, mounted_sensors
 
 HOME = "rajagopal-walk-emg"
 BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "calcn_r", "femur_l", "tibia_l", "calcn_l")
@@ -47,7 +47,11 @@ def walk(data):
         motion.time, model.coordinate_names, compile_tree(model).coordinates_of(motion)
     )
     straight = np.tile(np.eye(3), (len(BODIES), 1, 1))
-    return model, motion, simulated_sensors(model, motion, BODIES, NO_ERRORS, mounted=straight)
+    return (
+        model,
+        motion,
+        mounted_sensors(model, motion, Mounting(bodies=BODIES, rotations=straight), NO_ERRORS),
+    )
 
 
 def test_frames_have_the_angles_of_the_walk(walk):

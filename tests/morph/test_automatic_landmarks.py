@@ -15,7 +15,7 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.spatial import rotation_from_euler_xyz
 from myomorph.core.model.surface import Surface
 from myomorph.core.surfaces.linear_maps import Similarity
-from scans import made_scan
+from scans import ScanQuality, made_scan
 
 
 def thorny() -> Surface:
@@ -77,7 +77,7 @@ def test_a_ball_has_no_ends():
 def test_head_and_ends_of_a_femur(data):
     """The scan is the same bone turned, 2 % smaller, with 0.3 mm of noise and another mesh."""
     femur = read_mesh(data("bones-opensim-rajagopal/Geometry/r_femur.vtp"))
-    scan, back = made_scan(femur, refine=1)
+    scan, back = made_scan(femur, quality=ScanQuality(refine=1))
     found = automatic_landmarks(femur, scan)
     apart = np.linalg.norm(back.apply(found.target) - found.source, axis=1)
     assert len(found) >= 5

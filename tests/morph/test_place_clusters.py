@@ -22,7 +22,7 @@ from myomorph.core.surfaces.clusters import (
     place_scanned_bone,
 )
 from myomorph.core.surfaces.rigid_registration import SurfaceOptions
-from scans import made_scan, sharper
+from scans import ScanQuality, made_scan, sharper
 
 BONE = sharper(Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)))
 MARKERS = {
@@ -62,7 +62,7 @@ def arm() -> Model:
 def scanned(seed: int = 1, scale: float = 1.02):
     """Scan of the body's bone with three markers beside it, and the similarity that it hides."""
     surface = bone_surface(arm().body("humerus"), {"humerus.stl": BONE})
-    scan, truth = made_scan(surface, seed=seed, scale=scale, refine=0)
+    scan, truth = made_scan(surface, seed=seed, scale=scale, quality=ScanQuality(refine=0))
     return (
         surface,
         scan,

@@ -16,7 +16,7 @@ from myomorph.core.model.spatial import rotation_from_euler_xyz
 from myomorph.core.model.surface import Surface
 from myomorph.core.surfaces.linear_maps import Similarity, fit_points, procrustes
 from myomorph.core.surfaces.rigid_registration import SurfaceOptions, register_surface
-from scans import made_scan, sharper
+from scans import ScanQuality, made_scan, sharper
 
 GEOMETRY = "shoulder-thoracoscapular/model_cmc/Geometry"
 POINTS = np.array(
@@ -107,7 +107,7 @@ def pose_error(
 
 def test_a_shape_without_noise_comes_back_exactly():
     bone = sharper(Surface(np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)))
-    scan, truth = made_scan(bone, noise=0.0, refine=0)
+    scan, truth = made_scan(bone, quality=ScanQuality(noise=0.0, refine=0))
     found = register_surface(scan, bone)
     place, angle, size = pose_error(found.similarity, truth, scan)
     assert place < 1e-2
@@ -124,7 +124,7 @@ def test_a_shape_without_noise_comes_back_exactly():
 def test_scans_of_real_bones_find_their_place_without_picks(data: object, name: str, cut: float):
     """Turned anywhere, 2 % smaller, 0.3 mm of noise, another mesh, part of the bone."""
     bone = read_mesh(data(f"{GEOMETRY}/{name}.vtp"))
-    scan, truth = made_scan(bone, cut=cut)
+    scan, truth = made_scan(bone, quality=ScanQuality(cut=cut))
     found = register_surface(scan, bone, options=SurfaceOptions(mirror=False))
     place, angle, size = pose_error(found.similarity, truth, scan)
     assert place < 0.3
@@ -138,7 +138,7 @@ def test_scans_of_real_bones_find_their_place_without_picks(data: object, name: 
 def test_a_bone_of_the_package_finds_its_place():
     myo_sim = pytest.importorskip("myo_sim")
     bone = read_mesh(Path(myo_sim.MODELS_DIR) / "meshes" / "humerus.stl")
-    scan, truth = made_scan(bone, seed=4, cut=0.2)
+    scan, truth = made_scan(bone, seed=4, quality=ScanQuality(cut=0.2))
     found = register_surface(scan, bone, options=SurfaceOptions(mirror=False))
     assert pose_error(found.similarity, truth, scan)[0] < 0.3
 
@@ -146,9 +146,9 @@ def test_a_bone_of_the_package_finds_its_place():
 def test_a_coarser_scan_with_a_start_stays_there(data: object):
     """The scan has fewer triangles than the model; the start is 5 degrees and 10 mm off."""
     bone = read_mesh(data(f"{GEOMETRY}/rscapula.vtp"))
-    fine, _ = made_scan(bone, scale=1.0, noise=0.0, refine=1, seed=2)
-    model, _ = made_scan(bone, scale=1.0, noise=0.0, refine=2, seed=3)
-    coarse, truth = made_scan(bone, refine=0, seed=5)
+    fine, _ = made_scan(bone, scale=1.0, seed=2, quality=ScanQuality(noise=0.0, refine=1))
+    model, _ = made_scan(bone, scale=1.0, seed=3, quality=ScanQuality(noise=0.0, refine=2))
+    coarse, truth = made_scan(bone, seed=5, quality=ScanQuality(refine=0))
     off = Similarity(
         rotation_from_euler_xyz((0.05, -0.05, 0.05)) @ truth.rotation,
         truth.translation + 0.006,
@@ -162,7 +162,7 @@ def test_a_coarser_scan_with_a_start_stays_there(data: object):
 def test_a_mirrored_bone_is_named(data: object):
     bone = read_mesh(data(f"{GEOMETRY}/rscapula.vtp"))
     left = Surface(bone.vertices * [-1, 1, 1], bone.faces[:, ::-1])
-    scan, _ = made_scan(left, refine=1)
+    scan, _ = made_scan(left, quality=ScanQuality(refine=1))
     found = register_surface(scan, bone)
     assert any("fits better mirrored" in line for line in found.notes)
 

@@ -111,18 +111,42 @@ def _wrap(opensim, surface: Surface, name: str):
     return wrap
 
 
-def opensim_kinematics(model, state, names, coordinates, values, arms=True):
-    """OpenSim's lengths (frames, muscles) and moment arms (frames, muscles, coordinates)."""
-    paths = [model.getMuscles().get(name).getGeometryPath() for name in names]
-    axes = [model.getCoordinateSet().get(name) for name in coordinates]
-    lengths = np.zeros((len(values), len(paths)))
-    table = np.zeros((len(values), len(paths), len(axes)))
-    for frame, row in enumerate(values):
+def opensim_lengths(model, state, names, coordinates, values):
+    """Return OpenSim's lengths (frames, muscles) at values (frames, coordinates)."""
+    paths = _paths(model, names)
+    return np.array(
+        [
+            [path.getLength(state) for path in paths]
+            for _ in _posed(model, state, coordinates, values)
+        ]
+    )
+
+
+def opensim_moment_arms(model, state, names, coordinates, values):
+    """Return OpenSim's moment arms (frames, muscles, coordinates)."""
+    paths = _paths(model, names)
+    axes = _axes(model, coordinates)
+    return np.array(
+        [
+            [[path.computeMomentArm(state, axis) for axis in axes] for path in paths]
+            for _ in _posed(model, state, coordinates, values)
+        ]
+    )
+
+
+def _paths(model, names):
+    return [model.getMuscles().get(name).getGeometryPath() for name in names]
+
+
+def _axes(model, coordinates):
+    return [model.getCoordinateSet().get(name) for name in coordinates]
+
+
+def _posed(model, state, coordinates, values):
+    """Put the state into each pose in turn, and yield it."""
+    axes = _axes(model, coordinates)
+    for row in values:
         for axis, value in zip(axes, row, strict=True):
             axis.setValue(state, float(value), False)
         model.realizePosition(state)
-        for m, path in enumerate(paths):
-            lengths[frame, m] = path.getLength(state)
-            if arms:
-                table[frame, m] = [path.computeMomentArm(state, axis) for axis in axes]
-    return lengths, table
+        yield state

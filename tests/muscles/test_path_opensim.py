@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from path_models import opensim_kinematics
+from path_models import opensim_lengths
 
 from myomorph.core.io.formats import read_model
 from myomorph.core.io.sto import motion_from_table, read_sto
@@ -91,9 +91,7 @@ def test_lengths_and_moment_arms(name, data):
     couple_frames(paths.tree.arrays, values)
     theirs, state = opened(data(name), model)
     lengths, _, arms = paths.evaluate(values)
-    expected, _ = opensim_kinematics(
-        theirs, state, model.muscle_names, model.coordinate_names, values, arms=False
-    )
+    expected = opensim_lengths(theirs, state, model.muscle_names, model.coordinate_names, values)
     np.testing.assert_allclose(lengths, expected, atol=SAME)
     if name.startswith(QUASI_SPEEDS):
         # OpenSim's moment arms are about the speeds of the scapula, which are not rates of its
@@ -126,7 +124,5 @@ def test_lengths_of_520_muscles(data):
     paths = compile_paths(model)
     theirs, state = opened(path, model)
     couple_frames(paths.tree.arrays, values)
-    expected, _ = opensim_kinematics(
-        theirs, state, model.muscle_names, model.coordinate_names, values, arms=False
-    )
+    expected = opensim_lengths(theirs, state, model.muscle_names, model.coordinate_names, values)
     np.testing.assert_allclose(paths.evaluate(values)[0], expected, atol=SAME)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from path_models import QUADRANTS, Surface, Way, opensim_kinematics, opensim_model
+from path_models import QUADRANTS, Surface, Way, opensim_lengths, opensim_model, opensim_moment_arms
 
 from myomorph.core.io.formats import read_model
 from myomorph.core.muscles.model_paths import compile_paths
@@ -80,8 +80,8 @@ def compared(ways, folder, seed, reach):
     order = [model.coordinate_names.index(f"{body}{axis}") for body in "ab" for axis in "ABCxyz"]
     all_values = np.zeros_like(values)
     all_values[:, order] = values
-    expected, _ = opensim_kinematics(
-        theirs, state, model.muscle_names, model.coordinate_names, all_values, arms=False
+    expected = opensim_lengths(
+        theirs, state, model.muscle_names, model.coordinate_names, all_values
     )
     paths = compile_paths(model)
     lengths, _, values = paths.evaluate(all_values)
@@ -108,9 +108,7 @@ def test_a_first_surface_that_is_not_touched_gives_way_to_a_second_that_a_point_
         (0.16251631, -0.20869628, -0.06575598, -0.16903512, 0.0611899, 0.10598657),
         (0.1402605, -0.16156231, 0.34858819, -0.30600267, 0.07815434, -0.36188466),
     )
-    expected, _ = opensim_kinematics(
-        theirs, state, model.muscle_names, model.coordinate_names, values, arms=False
-    )
+    expected = opensim_lengths(theirs, state, model.muscle_names, model.coordinate_names, values)
     np.testing.assert_allclose(compile_paths(model).evaluate(values)[0], expected, atol=SAME)
 
 
@@ -137,7 +135,7 @@ def test_lengths_and_moment_arms_equal_opensim(ways, reach, tmp_path):
     assert not worst
     frames = slice(0, FRAMES, 15)
     columns = [model.coordinate_names.index(name) for name in TRANSLATIONS]
-    _, expected_arms = opensim_kinematics(
+    expected_arms = opensim_moment_arms(
         theirs, state, model.muscle_names, TRANSLATIONS, at[frames][:, columns]
     )
     for k, (m, j) in enumerate(zip(paths.arm_muscle, paths.arm_coordinate, strict=True)):

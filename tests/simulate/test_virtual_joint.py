@@ -18,7 +18,14 @@ from myomorph.core.model.inertia import inertia_matrices, pseudo_inertias
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.swings.simulate.laboratory import Noise, simulate
-from truths.mechanical_joint import CENTER, GRAVITY, VirtualJoint, mechanical_joint, on_true_clock
+from truths.mechanical_joint import (
+    CENTER,
+    GRAVITY,
+    JointExperiment,
+    VirtualJoint,
+    mechanical_joint,
+    on_true_clock,
+)
 
 QUIET = Noise(marker=0.0, force=0.0)
 CASES = [("hinge", 0.05, 0.0), ("hinge", 0.3, 5.0), ("ball", 0.05, 0.0), ("ball", 0.3, 5.0)]
@@ -27,7 +34,13 @@ CASES = [("hinge", 0.05, 0.0), ("hinge", 0.3, 5.0), ("ball", 0.05, 0.0), ("ball"
 @pytest.fixture(scope="module", params=CASES, ids=str)
 def joint(request: pytest.FixtureRequest) -> VirtualJoint:
     kind, damping, stiffness = request.param
-    return mechanical_joint(kind, damping, stiffness, seed=3, seconds=3.0, trials=1, noise=QUIET)
+    return mechanical_joint(
+        kind,
+        damping,
+        stiffness,
+        seed=3,
+        experiment=JointExperiment(seconds=3.0, trials=1, noise=QUIET),
+    )
 
 
 def test_newton_euler(joint: VirtualJoint) -> None:
@@ -100,7 +113,9 @@ def test_model_has_the_joint_and_its_markers(joint: VirtualJoint) -> None:
 
 def test_limb_is_a_physical_body_that_hangs() -> None:
     for seed in range(20):
-        truth = mechanical_joint("ball", 0.1, 0.0, seed, seconds=0.1, trials=0).truth
+        truth = mechanical_joint(
+            "ball", 0.1, 0.0, seed, experiment=JointExperiment(seconds=0.1, trials=0)
+        ).truth
         assert np.linalg.eigvalsh(pseudo_inertias(truth.parameters)).min() > 0.0
         assert truth.mass_center == pytest.approx([0.0, 0.0, -truth.com], abs=1e-12)
         assert 1.7 < truth.mass < 2.5
@@ -122,7 +137,7 @@ def test_noise_and_clock_are_as_stated() -> None:
 
 
 def test_noisy_swings_are_near_the_truth() -> None:
-    joint = mechanical_joint("ball", 0.1, 0.0, 5, seconds=5.0, trials=1)
+    joint = mechanical_joint("ball", 0.1, 0.0, 5, experiment=JointExperiment(seconds=5.0, trials=1))
     (noisy,) = joint.swings(6.0)
     (exact,) = joint.exact_swings()
     used = noisy.used
@@ -132,7 +147,13 @@ def test_noisy_swings_are_near_the_truth() -> None:
 
 
 def test_spring_pulls_towards_its_rest() -> None:
-    joint = mechanical_joint("hinge", 0.2, 4.0, 2, seconds=2.0, trials=1, rest=[0.3], noise=QUIET)
+    joint = mechanical_joint(
+        "hinge",
+        0.2,
+        4.0,
+        2,
+        experiment=JointExperiment(seconds=2.0, trials=1, rest=[0.3], noise=QUIET),
+    )
     (swing,) = joint.exact_swings()
     torque = swing.torque_rows @ joint.truth.parameters
     assert np.abs(torque - (-0.2 * swing.rates - 4.0 * (swing.angles - 0.3))).max() < 1e-10

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -32,18 +34,32 @@ def muscles(seed: int, rows: int = 12, count: int = 40, reserve: float = 1.0, lo
     return directions, low, high, directions @ np.clip(active, low, high)
 
 
-def solve(
-    directions,
-    low,
-    high,
-    torques,
-    exponent=2.0,
-    weights=None,
-    targets=None,
-    penalties=None,
-    capped=0,
-    peak=0.0,
-):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cost:
+    """What unknowns cost.
+
+    Attributes
+    ----------
+    exponent : of all unknowns
+    weights : (unknowns,) 1 by default
+    targets : (frames, unknowns) to which they are drawn, none by default
+    penalties : (frames, 3, unknowns) low, high and stiffness, none by default
+    capped : number of unknowns, from the first, below the greatest activation
+    peak : cost of the greatest activation
+    """
+
+    exponent: float = 2.0
+    weights: np.ndarray | None = None
+    targets: np.ndarray | None = None
+    penalties: np.ndarray | None = None
+    capped: int = 0
+    peak: float = 0.0
+
+
+EFFORT = Cost()
+
+
+def solve(directions, low, high, torques, cost=EFFORT):
     """Solve frames (torques (frames, rows)) through the kernel.
 
     Returned are x, status, residual, multipliers and iterations.
@@ -53,23 +69,23 @@ def solve(
     shape = pattern(rows, columns, directions.shape)
     count = directions.shape[1]
     frames = len(torques)
-    weights = np.ones(count) if weights is None else weights
+    weights = np.ones(count) if cost.weights is None else cost.weights
     fixed = Separable(
         start=shape.start,
         row=shape.row,
-        first=0 * shape.first if capped else shape.first,
+        first=0 * shape.first if cost.capped else shape.first,
         weight=frozen_array(weights),
-        exponent=frozen_array(np.full(count, exponent)),
+        exponent=frozen_array(np.full(count, cost.exponent)),
         lower=frozen_array(low),
         upper=frozen_array(high),
-        capped=capped,
-        peak=peak,
+        capped=cost.capped,
+        peak=cost.peak,
     )
     values = np.empty((frames, len(rows)))
     values[:, shape.place] = directions[rows, columns]
     right = np.ascontiguousarray(torques[:, shape.order])
-    penalties = np.zeros((1, 3, count)) if penalties is None else penalties
-    found = solve_frames(fixed, values, right, penalties, targets=targets)
+    penalties = np.zeros((1, 3, count)) if cost.penalties is None else cost.penalties
+    found = solve_frames(fixed, values, right, penalties, targets=cost.targets)
     multipliers = np.empty_like(found.multipliers)
     multipliers[:, shape.order] = found.multipliers
     return found.x, found.status, found.residual, multipliers, found.iterations
@@ -104,7 +120,9 @@ def test_quadratic_effort_agrees_with_an_interior_point_method(reserve, lower):
 def test_the_conditions_of_an_optimum_hold_for_any_exponent(seed, exponent, reserve):
     directions, low, high, torques = muscles(seed, rows=8, count=30, reserve=reserve)
     weights = np.random.default_rng(seed).uniform(0.2, 5.0, len(low))
-    x, status, residual, y, _ = solve(directions, low, high, torques, exponent, weights)
+    x, status, residual, y, _ = solve(
+        directions, low, high, torques, Cost(exponent=exponent, weights=weights)
+    )
     assert status[0] == OPTIMAL
     scale = 1.0 + np.abs(torques).max()
     assert np.abs(directions @ x[0] - torques).max() == pytest.approx(residual[0], abs=1e-9)
@@ -125,8 +143,8 @@ def test_the_exponent_3_is_solved_as_those_beside_it():
     penalties[0, 0, ::2] = 0.3
     penalties[0, 1, ::2] = 0.4
     penalties[0, 2, ::2] = 2.0
-    own = solve(directions, low, high, torques, 3.0, penalties=penalties)[0]
-    near = solve(directions, low, high, torques, (3.0 + 1e-9), penalties=penalties)[0]
+    own = solve(directions, low, high, torques, Cost(exponent=3.0, penalties=penalties))[0]
+    near = solve(directions, low, high, torques, Cost(exponent=3.0 + 1e-9, penalties=penalties))[0]
     np.testing.assert_allclose(own, near, atol=1e-6)
     assert ((own[0, ::2] < 0.3) | (own[0, ::2] > 0.4)).any()
 
@@ -195,7 +213,7 @@ def test_torques_at_the_border_of_strength_are_reached():
         )
         shares = (1.0, 1.0 - 1e-12, 1.0 - 1e-9, 1.0 - 1e-6, 1.0 - 1e-4)
         for torques in (middle + share * (most - middle) for share in shares):
-            x, status, residual, _, _ = solve(directions, low, high, torques, exponent=3.0)
+            x, status, residual, _, _ = solve(directions, low, high, torques, Cost(exponent=3.0))
             assert np.abs(directions @ x[0] - torques).max() == pytest.approx(residual[0], abs=1e-9)
             tried.append((status[0], residual[0]))
     status, residual = np.array(tried).T
@@ -263,7 +281,7 @@ def test_targets_pull_activations_towards_them():
     targets = np.full((1, len(low)), 0.4)
     targets[0, 40:] = 0.0
     free = solve(directions, low, high, torques)[0][0]
-    pulled = solve(directions, low, high, torques, targets=targets)[0][0]
+    pulled = solve(directions, low, high, torques, Cost(targets=targets))[0][0]
     assert np.linalg.norm(pulled[:40] - 0.4) < np.linalg.norm(free[:40] - 0.4)
 
 
@@ -276,7 +294,7 @@ def test_targets_and_weights_agree_with_an_interior_point_method():
     # |x|^2 + w (x - t)^2 is (1 + w) (x - w t / (1 + w))^2 and a constant.
     both = 1.0 + weights
     x = solve(
-        directions, low, high, torques, weights=both, targets=(weights * targets / both)[None]
+        directions, low, high, torques, Cost(weights=both, targets=(weights * targets / both)[None])
     )[0][0]
     costs = [effort(np.ones(count)), nearness(targets, weights)]
     equations = [balance(directions, torques)]
@@ -301,7 +319,11 @@ def test_an_inequality_is_a_row_with_an_unknown_of_its_own():
     A = np.block([[directions, np.zeros((len(directions), 1))], [limit, np.ones((1, 1))]])
     weights = np.append(np.ones(count), 1e-6)
     x, status, _, _, _ = solve(
-        A, np.append(low, 0.0), np.append(high, np.inf), np.append(torques, most), 2.0, weights
+        A,
+        np.append(low, 0.0),
+        np.append(high, np.inf),
+        np.append(torques, most),
+        Cost(exponent=2.0, weights=weights),
     )
     assert status[0] == OPTIMAL
     assert (limit @ x[0, :count])[0] <= most[0] + 1e-6

@@ -9,7 +9,7 @@ import numpy as np
 import piqp
 import pytest
 from scipy.optimize import linprog
-from test_dual import muscles, solve
+from test_dual import Cost, muscles, solve
 from test_solve import needed, walk
 
 from myomorph.core.model.errors import BadData
@@ -68,7 +68,7 @@ def test_random_problems_have_the_least_greatest_activation_and_then_the_least_s
         directions, low, high, torques = muscles(seed, rows=8, count=30, lower=lower)
         weights = np.append(np.full(30, SECOND_STAGE), np.ones(8))
         x, status, residual, _, _ = solve(
-            directions, low, high, torques, weights=weights, capped=30, peak=1.0
+            directions, low, high, torques, Cost(weights=weights, capped=30, peak=1.0)
         )
         assert status[0] == 0
         assert residual[0] < 1e-6

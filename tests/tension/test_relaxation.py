@@ -33,7 +33,7 @@ STRICT = {"residual": 1e-6, "moment": 1e-6}
 TWO = ((-0.6, 0.0), (0.6, 0.0))
 
 
-def found(sites, touching=1.0, accelerations=None, options=STRICT, actuators=None, frames=2):
+def _found(sites, touching=1.0, accelerations=None, options=STRICT, actuators=None, frames=2):
     """Relaxations of a block that stands, or accelerates as told."""
     model = block()
     motion = standing_still(frames)
@@ -50,12 +50,12 @@ def found(sites, touching=1.0, accelerations=None, options=STRICT, actuators=Non
 
 
 def test_a_body_that_its_contacts_carry_is_not_marked():
-    assert found(legs(TWO), options={}) == ()
+    assert _found(legs(TWO), options={}) == ()
 
 
 def test_flight_declared_as_contact_is_no_error():
     """Free fall needs no force: sites that may carry some then carry none."""
-    assert found(legs(TWO), accelerations=[0.0, -9.80665, 0.0, 0.0, 0.0, 0.0], options={}) == ()
+    assert _found(legs(TWO), accelerations=[0.0, -9.80665, 0.0, 0.0, 0.0, 0.0], options={}) == ()
 
 
 @pytest.mark.parametrize("actuators", [None, ()])
@@ -65,7 +65,7 @@ def test_weight_that_nothing_carries_names_the_nearest_site(actuators):
     high = Site("high", "block", np.array([[0.0, 0.3, 0.0]]))
     ground = Site("ground", "block", np.array([[0.5, 0.0, 0.0]]))
     ready = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    one = found((high, low, ground), ready, actuators=actuators)[0]
+    one = _found((high, low, ground), ready, actuators=actuators)[0]
     assert one.frame == 0
     np.testing.assert_allclose(one.force, [0.0, WEIGHT, 0.0], rtol=1e-3, atol=1e-3)
     assert [(part.kind, part.where) for part in one.allowances] == [("contact", "low")]
@@ -83,12 +83,12 @@ def test_what_residuals_took_before_though_contacts_could_hides_no_later_frame()
 
     Only the frame without legs is named.
     """
-    assert [one.frame for one in found(legs(TWO), np.array([[1.0, 1.0], [0.0, 0.0]]))] == [1]
+    assert [one.frame for one in _found(legs(TWO), np.array([[1.0, 1.0], [0.0, 0.0]]))] == [1]
 
 
 def test_a_cone_that_excludes_the_needed_force_tells_the_friction_it_needs():
     """5 m/s^2 along x on legs far apart: 5 / 9.80665 of the weight across the cones."""
-    one = found(legs(TWO, friction=0.3, edges=4), accelerations=[5.0, 0.0, 0.0, 0.0, 0.0, 0.0])[0]
+    one = _found(legs(TWO, friction=0.3, edges=4), accelerations=[5.0, 0.0, 0.0, 0.0, 0.0, 0.0])[0]
     assert {part.kind for part in one.allowances} == {"friction"}
     missing = 5.0 * MASS - 0.3 * WEIGHT
     assert sum(part.force for part in one.allowances) == pytest.approx(missing, rel=1e-4)
@@ -97,7 +97,7 @@ def test_a_cone_that_excludes_the_needed_force_tells_the_friction_it_needs():
 
 
 def test_a_greatest_force_that_is_too_small_is_told_by_how_much():
-    one = found(legs(TWO, friction=0.0, most=0.3 * WEIGHT))[0]
+    one = _found(legs(TWO, friction=0.0, most=0.3 * WEIGHT))[0]
     assert {(part.kind, part.where) for part in one.allowances} == {
         ("most", "leg0"),
         ("most", "leg1"),
@@ -108,7 +108,7 @@ def test_a_greatest_force_that_is_too_small_is_told_by_how_much():
 
 def test_what_can_only_push_is_asked_to_pull():
     """Downwards by 15 m/s^2: gravity does 9.8 of it."""
-    one = found(legs([(0.0, 0.0)]), accelerations=[0.0, -15.0, 0.0, 0.0, 0.0, 0.0])[0]
+    one = _found(legs([(0.0, 0.0)]), accelerations=[0.0, -15.0, 0.0, 0.0, 0.0, 0.0])[0]
     assert [(part.kind, part.where) for part in one.allowances] == [("pull", "leg0")]
     assert one.allowances[0].force == pytest.approx(15.0 * MASS - WEIGHT, rel=1e-4)
     assert "a pull of 260 N at 'leg0'" in one.sentence
@@ -116,7 +116,7 @@ def test_what_can_only_push_is_asked_to_pull():
 
 def test_a_moment_that_no_contact_can_make_comes_from_nowhere():
     """A point cannot turn what stands on it about the vertical."""
-    one = found(legs([(0.0, 0.0)]), accelerations=[0.0, 0.0, 0.0, 0.0, 30.0, 0.0])[0]
+    one = _found(legs([(0.0, 0.0)]), accelerations=[0.0, 0.0, 0.0, 0.0, 30.0, 0.0])[0]
     assert [(part.kind, part.where) for part in one.allowances] == [("residual", "block")]
     assert one.allowances[0].moment == pytest.approx(60.0, rel=1e-3)
     assert one.sentence.endswith("60 N m at 'block' from nowhere would do")
@@ -127,19 +127,19 @@ def test_a_tilted_cone_and_a_grip_are_taken_as_they_are():
     rope = Site(
         name="rope", body="block", points=np.array([[0.0, 1.5, 0.0]]), cone=Cone(friction=0.0)
     )
-    assert found((rope,), options={}) == ()
+    assert _found((rope,), options={}) == ()
     slanted = Site(
         name="rope",
         body="block",
         points=np.array([[0.0, 1.5, 0.0]]),
         cone=Cone(np.array([1.0, 1.0, 0.0]), friction=0.0),
     )
-    one = found((slanted,))[0]
+    one = _found((slanted,))[0]
     assert any(part.kind == "friction" for part in one.allowances)
 
 
 def test_all_frames_make_one_message():
-    every = found(legs([(0.0, 0.0)]), 0.0, frames=5)
+    every = _found(legs([(0.0, 0.0)]), 0.0, frames=5)
     apart = (*every[:2], *every[3:])
     (message,) = relaxation_messages(apart, 5, 700.0)
     assert message.startswith(
@@ -153,7 +153,7 @@ def test_all_frames_make_one_message():
 
 
 def test_what_plates_are_off_anyway_is_good_to_know():
-    every = found(legs([(0.0, 0.0)]), 0.0, frames=5)
+    every = _found(legs([(0.0, 0.0)]), 0.0, frames=5)
     heavy = 30.0 * max(float(np.linalg.norm(each.force)) for each in every)
     assert relaxation_messages(every, 5, heavy)[0].gravity == "good to know"
     assert relaxation_messages(every[:1], 100, 1.0)[0].gravity == "good to know"

@@ -107,13 +107,23 @@ def coordinate_damping(
     )
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointSpring:
+    """A spring of the joint between two bodies.
+
+    Attributes
+    ----------
+    stiffness : one value, or three along the axes of the body that moves [N m/rad]
+    rest : coordinates of the pose at which the joint's torque is zero, the model's defaults for the
+        others [rad or m]
+    """
+
+    stiffness: ArrayLike
+    rest: Mapping[str, float]
+
+
 def coordinate_stiffness(
-    model: mm.Model,
-    base: str,
-    first: str,
-    stiffness: ArrayLike,
-    rest: Mapping[str, float],
-    motion: mm.Motion,
+    model: mm.Model, base: str, first: str, spring: JointSpring, motion: mm.Motion
 ) -> CoordinateStiffness:
     """Fit springs of coordinates to the stiffness of the joint between two bodies, over a motion.
 
@@ -122,9 +132,9 @@ def coordinate_stiffness(
 
     Parameters
     ----------
-    stiffness : one value, or three along the axes of `first` [N m/rad]
-    rest : coordinates of the pose at which the joint's torque is zero, the model's defaults for the
-        others [rad or m]
+    model : with both bodies
+    base, first : the bodies on both sides of the joint (scapula and humerus)
+    spring : of the joint, along the axes of `first`
     motion : such as the model will be used for
 
     Raises
@@ -134,11 +144,10 @@ def coordinate_stiffness(
     BadModel
         where no coordinate rotates the bodies against each other
     """
-    K = along_axes("stiffness", stiffness)
+    K = along_axes("stiffness", spring.stiffness)
     tree = compile_tree(model)
-    at_rest = mm.Motion(
-        np.zeros(1), tuple(rest), np.array([list(rest.values())], dtype=np.float64).reshape(1, -1)
-    )
+    rest = np.array([list(spring.rest.values())], dtype=np.float64).reshape(1, -1)
+    at_rest = mm.Motion(np.zeros(1), tuple(spring.rest), rest)
     _, R_rest, _ = joint_jacobian(tree, base, first, tree.coordinates_of(at_rest))
     coordinates = tree.coordinates_of(motion)
     E, R, moving = joint_jacobian(tree, base, first, coordinates)
@@ -148,14 +157,16 @@ def coordinate_stiffness(
     ends = {}
     line = np.zeros_like(torque)
     for i, j in enumerate(moving):
-        q = coordinates[:, j]
-        spread = q - q.mean()
-        moved = float(spread @ spread)
-        slope = -float(spread @ torque[:, i]) / moved if moved > 1e-12 * len(q) else 0.0
         name = model.coordinate_names[j]
-        values[name] = max(slope, 0.0)
-        ends[name] = (
-            float(q.mean() + torque[:, i].mean() / slope) if slope > 0.0 else float(q.mean())
-        )
-        line[:, i] = -values[name] * (q - ends[name])
+        values[name], ends[name] = _spring_line(coordinates[:, j], torque[:, i])
+        line[:, i] = -values[name] * (coordinates[:, j] - ends[name])
     return CoordinateStiffness(values, ends, share(torque - line, torque))
+
+
+def _spring_line(q: Array, torque: Array) -> tuple[float, float]:
+    """Fit a stiffness of at least 0 and its rest to the torque (frames,) over a coordinate."""
+    spread = q - q.mean()
+    moved = float(spread @ spread)
+    slope = -float(spread @ torque) / moved if moved > 1e-12 * len(q) else 0.0
+    end = float(q.mean() + torque.mean() / slope) if slope > 0.0 else float(q.mean())
+    return max(slope, 0.0), end

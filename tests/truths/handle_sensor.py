@@ -52,6 +52,7 @@ class ObjectMotion:
     accelerations : (frames, 3) of the middle [m/s^2]
     turning : (frames, 3, 3) second derivative of the rotations [1/s^2]
     residual : (frames,) root mean square distance of the markers from the rigid object [m]
+    cutoff : of the low-pass filter [Hz]
     """
 
     time: Array
@@ -60,6 +61,7 @@ class ObjectMotion:
     accelerations: Array
     turning: Array
     residual: Array
+    cutoff: float
 
 
 @read_only
@@ -97,6 +99,23 @@ class HandleFit:
         return float(np.sqrt(np.mean(np.sum(self.residuals**2, axis=1))))
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HandleForce:
+    """Force of the hand on the object, in the sensor's axes.
+
+    Attributes
+    ----------
+    time : (samples,) [s]
+    values : (samples, 3) tared [N]
+    constant : whether the tare left something to be estimated; it is distinguished from the
+        orientation only where the object rotates
+    """
+
+    time: Array
+    values: Array
+    constant: bool = False
+
+
 def object_motion(
     markers: mm.Markers, names: tuple[str, ...], cutoff: float, reference: int = 0
 ) -> ObjectMotion:
@@ -110,8 +129,7 @@ def object_motion(
     names : of the object's markers
     cutoff : of the low-pass filter [Hz]
     reference : frame in which the object's axes are the laboratory's; every marker must be visible
-        in
-        it
+        in it
 
     Raises
     ------
@@ -152,18 +170,16 @@ def object_motion(
         accelerations=frozen_array(spline[:, 9:]),
         turning=frozen_array(spline[:, :9].reshape(-1, 3, 3)),
         residual=frozen_array(residual),
+        cutoff=cutoff,
     )
 
 
 def fit_handle(
     motion: ObjectMotion,
     held: np.ndarray,
-    force_time: Array,
-    force: Array,
+    force: HandleForce,
     gravity: Array,
-    cutoff: float,
     line: Array | None = None,
-    constant: bool = False,
 ) -> HandleFit:
     """Fit the orientation of a handle's sensor, the mass it carries and its clock.
 
@@ -171,15 +187,11 @@ def fit_handle(
 
     Parameters
     ----------
-    motion : of the object
+    motion : of the object; the force is filtered at its cutoff
     held : (frames,) whether only hands hold the object
-    force_time, force : (samples,) [s], (samples, 3) of the hand on the object, tared, in the
-        sensor's axes [N]
+    force : of the hand on the object
     gravity : (3,) in the laboratory [m/s^2]
-    cutoff : of the low-pass filter, that of the motion [Hz]
     line : (3,) from hand to hand in the object's axes, None if one hand holds it alone
-    constant : estimate what the tare left too; it is distinguished from the orientation only where
-        the object rotates
 
     Returns
     -------
@@ -202,17 +214,20 @@ def fit_handle(
             " about the vertical does not show; tilt it"
         )
     turning = np.einsum("nij,njk->nik", back, motion.turning[held])
-    rate = (len(force_time) - 1) / float(force_time[-1] - force_time[0])
-    few = max(1, int(rate / (40.0 * cutoff)))
-    spline = natural_spline(force_time[::few], lowpass(force, rate, cutoff)[::few], degree=3)
+    start = force.time[0]
+    stop = force.time[-1]
+    rate = (len(force.time) - 1) / float(stop - start)
+    few = max(1, int(rate / (40.0 * motion.cutoff)))
+    filtered = lowpass(force.values, rate, motion.cutoff)
+    spline = natural_spline(force.time[::few], filtered[::few], degree=3)
     along = np.zeros((3, 3)) if line is None else np.outer(line, line) / float(line @ line)
     problem = _Held(
         time,
         pull,
         turning,
-        lambda at: spline(np.clip(at, force_time[0], force_time[-1])),
+        lambda at: spline(np.clip(at, start, stop)),
         along,
-        constant,
+        force.constant,
     )
     return problem.solved()
 

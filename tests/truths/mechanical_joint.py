@@ -293,20 +293,39 @@ class VirtualJoint:
         return _equations(trial.name, self.truth, seen, 2.0 / cutoff)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointExperiment:
+    """How a virtual joint is built beyond damper and spring, released and measured.
+
+    Attributes
+    ----------
+    seconds : length of a trial [s]
+    trials : number of releases
+    rest : (axes,) angle or rotation vector from hanging at which the spring is slack [rad]; hanging
+        itself by default
+    noise : of markers and plate; usual by default
+    swing : size of the releases; 1 for 0.5 to 1.1 rad
+    spin : size of the push of a ball's limb about its long axis; 1 for 3 to 6 rad/s
+    friction : dry, of every axis [N m]
+    axis : (3,) of a hinge, level; drawn by default
+    """
+
+    seconds: float = 30.0
+    trials: int = 2
+    rest: ArrayLike | None = None
+    noise: Noise | None = None
+    swing: float = 1.0
+    spin: float = 1.0
+    friction: float = 0.0
+    axis: ArrayLike | None = None
+
+
 def mechanical_joint(
     kind: Kind,
     damping: float,
     stiffness: float,
     seed: int = 0,
-    *,
-    seconds: float = 30.0,
-    trials: int = 2,
-    rest: ArrayLike | None = None,
-    noise: Noise | None = None,
-    swing: float = 1.0,
-    spin: float = 1.0,
-    friction: float = 0.0,
-    axis: ArrayLike | None = None,
+    experiment: JointExperiment | None = None,
 ) -> VirtualJoint:
     """Make a virtual mechanical joint, released several times.
 
@@ -316,13 +335,7 @@ def mechanical_joint(
     damping : of every axis [N m s/rad]
     stiffness : of the spring towards `rest`, every axis [N m/rad]
     seed : of the limb's shape, the releases and the noise
-    seconds : length of a trial [s]
-    rest : (axes,) angle or rotation vector from hanging at which the spring is slack [rad]; hanging
-        itself by default
-    swing : size of the releases; 1 for 0.5 to 1.1 rad
-    spin : size of the push of a ball's limb about its long axis; 1 for 3 to 6 rad/s
-    friction : dry, of every axis [N m]
-    axis : (3,) of a hinge, level; drawn by default
+    experiment : releases, noise, rest of the spring, friction and axis
 
     Raises
     ------
@@ -334,15 +347,17 @@ def mechanical_joint(
         raise mm.BadData(
             f"damping {damping} and stiffness {stiffness} of a virtual joint must not be negative"
         )
+    experiment = experiment or JointExperiment()
     random = np.random.default_rng(seed)
-    noise = noise or Noise()
+    noise = experiment.noise or Noise()
     limb = _limb(random)
     hinge = None
     if kind == "hinge":
-        hinge = _level(random) if axis is None else np.asarray(axis, np.float64)
-    slack = (
-        np.zeros(3 if hinge is None else 1) if rest is None else np.asarray(rest, dtype=np.float64)
-    )
+        given = experiment.axis
+        hinge = _level(random) if given is None else np.asarray(given, np.float64)
+    slack = np.zeros(3 if hinge is None else 1)
+    if experiment.rest is not None:
+        slack = np.asarray(experiment.rest, dtype=np.float64)
     truth = JointTruth(
         kind=kind,
         damping=float(damping),
@@ -355,14 +370,14 @@ def mechanical_joint(
     compiled = mujoco.MjModel.from_xml_string(text)
     if hinge is None:
         compiled.qpos_spring[:] = Rotation.from_rotvec(slack).as_quat(scalar_first=True)
-    compiled.dof_frictionloss[:] = friction
+    compiled.dof_frictionloss[:] = experiment.friction
     at_base = {name: CENTER + place for name, place in BASE_MARKERS.items()}
     instruments = Instruments(noise, random)
     made = []
-    for number in range(trials):
-        start, rates = _release(truth, swing, spin, random)
+    for number in range(experiment.trials):
+        start, rates = _release(truth, experiment.swing, experiment.spin, random)
         qpos = Rotation.from_rotvec(start).as_quat(scalar_first=True) if hinge is None else start
-        exact = simulate(compiled, qpos, rates, seconds, STEP)
+        exact = simulate(compiled, qpos, rates, experiment.seconds, STEP)
         made.append(
             VirtualTrial(
                 name=f"release {number + 1}",

@@ -9,7 +9,7 @@ OpenSim's own muscles) by LSODA; nothing of `tension.personal` takes part.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -101,39 +101,56 @@ def person(
     }
     muscles = []
     for m, muscle in enumerate(model.muscles):
-        lo = muscle.optimal_fiber_length
-        ls = muscle.tendon_slack_length
-        mean = float(lengths[:, m].mean())
-        low = float(lengths[:, m].min())
-        high = float(lengths[:, m].max())
-        base, side = split_side(muscle.name)
-        alike = spread.sides if side else 0.0
-        # Not beyond what fibers reach, or the generic ones do: else a muscle that the generic paths
-        # stretch too far would be drawn until it is that of nobody.
-        ends = min(0.4, (low - 1.02 * ls) / lo - REACH), max(1.55, (high - ls) / lo + REACH)
-        for k in range(200):
-            draw = np.sqrt(alike) * shared[base][k] + np.sqrt(1.0 - alike) * rng.standard_normal(2)
-            new = lo * np.exp(spread.fiber * draw[0])
-            point = (mean - ls) / lo + spread.point * draw[1]
-            slack = mean - point * new
-            if (
-                slack > 0.3 * ls
-                and ends[0] < (low - 1.02 * slack) / new
-                and (high - slack) / new < ends[1]
-            ):
-                break
-        else:
-            new = lo
-            slack = ls
+        optimal, slack = _drawn_lengths(muscle, lengths[:, m], spread, shared, rng)
         muscles.append(
             replace(
                 muscle,
-                optimal_fiber_length=new,
+                optimal_fiber_length=optimal,
                 tendon_slack_length=slack,
                 max_isometric_force=muscle.max_isometric_force * float(rise[groups[m]]),
             )
         )
     return replace(model, muscles=tuple(muscles))
+
+
+def _drawn_lengths(
+    muscle: Muscle,
+    lengths: Array,
+    spread: Spread,
+    shared: Mapping[str, Array],
+    rng: np.random.Generator,
+) -> tuple[float, float]:
+    """Draw optimal fiber length and tendon slack length [m].
+
+    Parameters
+    ----------
+    muscle : the generic one
+    lengths : (poses,) of its path [m]
+    spread : standard deviations
+    shared : (200, 2) draws of both sides by the name without side
+    rng : generator of each side's own draws
+    """
+    lo = muscle.optimal_fiber_length
+    ls = muscle.tendon_slack_length
+    mean = float(lengths.mean())
+    low = float(lengths.min())
+    high = float(lengths.max())
+    base, side = split_side(muscle.name)
+    alike = spread.sides if side else 0.0
+    # Not beyond what fibers reach, or the generic ones do: else a muscle that the generic paths
+    # stretch too far would be drawn until it is that of nobody.
+    ends = min(0.4, (low - 1.02 * ls) / lo - REACH), max(1.55, (high - ls) / lo + REACH)
+    for k in range(200):
+        draw = np.sqrt(alike) * shared[base][k] + np.sqrt(1.0 - alike) * rng.standard_normal(2)
+        new = lo * np.exp(spread.fiber * draw[0])
+        slack = mean - ((mean - ls) / lo + spread.point * draw[1]) * new
+        if (
+            slack > 0.3 * ls
+            and ends[0] < (low - 1.02 * slack) / new
+            and (high - slack) / new < ends[1]
+        ):
+            return new, slack
+    return lo, ls
 
 
 def some_gains(model: mm.Model, errors: Errors, rng: np.random.Generator) -> dict[str, float]:
@@ -251,53 +268,20 @@ def integrated_degroote(person: mm.Model, lengths: Array, time: Array, activatio
     of the shape of `lengths`, tendon forces [N]
     """
     recordings = lengths.shape[1] // len(person.muscles)
-    lo = np.tile([one.optimal_fiber_length for one in person.muscles], recordings)
-    ls = np.tile([one.tendon_slack_length for one in person.muscles], recordings)
-    force = np.tile([one.max_isometric_force for one in person.muscles], recordings)
-    angle = np.tile([one.pennation_at_optimal for one in person.muscles], recordings)
-    most = np.tile([one.max_contraction_velocity for one in person.muscles], recordings)
-    strain = np.tile(
-        [one.parameters["passive_fiber_strain_at_one_norm_force"] for one in person.muscles],
-        recordings,
-    )
-    stretch = np.tile(
-        [one.parameters["tendon_strain_at_one_norm_force"] for one in person.muscles], recordings
-    )
-    height = lo * np.sin(angle)
-    k = np.log(6.0) / stretch
+    fibers = _DegrooteFibers.of(person, recordings)
     path = CubicSpline(time, lengths)
     a_of = CubicSpline(time, activations)
     path_speed = path.derivative()
 
     def rate(t: float, f: Array) -> Array:
-        tendon = ls * (np.log(5.0 * np.maximum(f + 0.2, 1e-6)) / k + 1.0)
-        along = np.maximum(path(t) - tendon, 0.05 * lo)
-        fiber = np.hypot(along, height)
-        cosine = along / fiber
-        x = fiber / lo
-        bell = (
-            0.8150671134243542
-            * np.exp(
-                -0.5 * ((x - 1.055033428970575) / (0.162384573599574 + 0.063303448465465 * x)) ** 2
-            )
-            + 0.433004984392647
-            * np.exp(
-                -0.5 * ((x - 0.716775413397760) / (0.200356847296188 * x - 0.029947116970696)) ** 2
-            )
-            + 0.1 * np.exp(-0.5 * ((x - 1.0) / 0.353553390593274) ** 2)
-        )
-        least = np.exp(-3.2 / strain)
-        passive = (np.exp(4.0 * (x - 1.0) / strain) - least) / (np.exp(4.0) - least)
-        f_v = np.clip(
-            (f / cosine - np.maximum(passive, 0.0)) / np.maximum(a_of(t) * bell, 1e-4), -0.5, 2.2
-        )
-        v = (np.sinh((f_v - 0.8825327733249912) / -0.3211346127989808) + 0.374) / -8.149
-        return (path_speed(t) - v * most * lo / cosine) * k * (f + 0.2) / ls
+        return fibers.force_rate(f, path(t), path_speed(t), a_of(t))
 
     first = np.full(lengths.shape[1], 0.1)
     # Fibers find their equilibrium before the recording begins.
     settled = solve_ivp(
-        lambda t, f: rate(time[0], f) - path_speed(time[0]) * k * (f + 0.2) / ls,
+        lambda t, f: (
+            rate(time[0], f) - path_speed(time[0]) * fibers.steepness * (f + 0.2) / fibers.slack
+        ),
         (0.0, 0.5),
         first,
         "LSODA",
@@ -314,53 +298,169 @@ def integrated_degroote(person: mm.Model, lengths: Array, time: Array, activatio
         raise RuntimeError(
             f"fibers were not followed: normalized forces {found.min():.2g} to {found.max():.2g}"
         )
-    return found * force
+    return found * fibers.force
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _DegrooteFibers:
+    """Muscles of De Groote's class side by side, all (muscles,).
+
+    Attributes
+    ----------
+    optimal, slack : lengths of fiber and tendon [m]
+    force : maximum isometric [N]
+    height : of the fibers across the line of action [m]
+    fastest : contraction velocity [optimal lengths/s]
+    strain : of a passive fiber at the maximum isometric force
+    steepness : of the tendon's exponential, k
+    """
+
+    optimal: Array
+    slack: Array
+    force: Array
+    height: Array
+    fastest: Array
+    strain: Array
+    steepness: Array
+
+    @classmethod
+    def of(cls, person: mm.Model, recordings: int) -> _DegrooteFibers:
+        """Repeat a person's muscles for several recordings."""
+
+        def column(value: Callable[[Muscle], float]) -> Array:
+            return np.tile([value(one) for one in person.muscles], recordings)
+
+        optimal = column(lambda one: one.optimal_fiber_length)
+        stretch = column(lambda one: one.parameters["tendon_strain_at_one_norm_force"])
+        return cls(
+            optimal=optimal,
+            slack=column(lambda one: one.tendon_slack_length),
+            force=column(lambda one: one.max_isometric_force),
+            height=optimal * np.sin(column(lambda one: one.pennation_at_optimal)),
+            fastest=column(lambda one: one.max_contraction_velocity),
+            strain=column(lambda one: one.parameters["passive_fiber_strain_at_one_norm_force"]),
+            steepness=np.log(6.0) / stretch,
+        )
+
+    def force_rate(self, f: Array, path: Array, speed: Array, activation: Array) -> Array:
+        """Return the rate of normalized tendon forces f [1/s].
+
+        Parameters
+        ----------
+        f : (muscles,)
+        path, speed : (muscles,) of the paths [m, m/s]
+        activation : (muscles,)
+        """
+        k = self.steepness
+        tendon = self.slack * (np.log(5.0 * np.maximum(f + 0.2, 1e-6)) / k + 1.0)
+        along = np.maximum(path - tendon, 0.05 * self.optimal)
+        fiber = np.hypot(along, self.height)
+        cosine = along / fiber
+        x = fiber / self.optimal
+        least = np.exp(-3.2 / self.strain)
+        passive = (np.exp(4.0 * (x - 1.0) / self.strain) - least) / (np.exp(4.0) - least)
+        active = np.maximum(activation * _active_curve(x), 1e-4)
+        f_v = np.clip((f / cosine - np.maximum(passive, 0.0)) / active, -0.5, 2.2)
+        v = (np.sinh((f_v - 0.8825327733249912) / -0.3211346127989808) + 0.374) / -8.149
+        fiber_speed = v * self.fastest * self.optimal / cosine
+        return (speed - fiber_speed) * k * (f + 0.2) / self.slack
+
+
+def _active_curve(x: Array) -> Array:
+    """Return the active force of normalized fiber lengths x, a sum of three bells."""
+    return (
+        0.8150671134243542
+        * np.exp(
+            -0.5 * ((x - 1.055033428970575) / (0.162384573599574 + 0.063303448465465 * x)) ** 2
+        )
+        + 0.433004984392647
+        * np.exp(
+            -0.5 * ((x - 0.716775413397760) / (0.200356847296188 * x - 0.029947116970696)) ** 2
+        )
+        + 0.1 * np.exp(-0.5 * ((x - 1.0) / 0.353553390593274) ** 2)
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Laboratory:
+    """What measures a person.
+
+    Attributes
+    ----------
+    errors : of torques and EMG
+    gains : of the EMG of each muscle that has it
+    rng : generator of the errors
+    """
+
+    errors: Errors
+    gains: Mapping[str, float]
+    rng: np.random.Generator
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Performance:
+    """A motion and the activations that a person does it with.
+
+    Attributes
+    ----------
+    name : of the recording
+    motion : with velocities
+    activations : (frames, muscles)
+    forces : (frames, muscles) of the person's tendons under these activations, None to integrate
+        them [N]
+    """
+
+    name: str
+    motion: mm.Motion
+    activations: Array
+    forces: Array | None = None
 
 
 def recorded(
-    model: mm.Model,
-    person: mm.Model,
-    motion: mm.Motion,
-    activations: Array,
-    errors: Errors,
-    rng: np.random.Generator,
-    gains: Mapping[str, float],
-    name: str,
-    forces: Array | None = None,
+    model: mm.Model, person: mm.Model, performance: Performance, laboratory: Laboratory
 ) -> mm.PersonalTrial:
     """Return what is measured of a person: torques and EMG with errors.
 
     Parameters
     ----------
     model : the generic one, for joints' own torques
-    gains : of the EMG of each muscle that has it
-    forces : (frames, muscles) of the person's tendons under these activations, None to integrate
-        them [N]
+    person : with muscles of its own
+    performance : of the person
+    laboratory : with its errors
     """
-    told = tuple(gains)
+    motion = performance.motion
+    errors = laboratory.errors
+    rng = laboratory.rng
     moved = mm.muscle_kinematics(person, motion)
+    forces = performance.forces
     if forces is None and FIBER_LENGTH not in state_names(person.muscles[0]):
         forces = integrated_degroote(
-            person, moved.muscle_length, np.array(motion.time), activations
+            person, moved.muscle_length, np.array(motion.time), performance.activations
         )
     elif forces is None:
-        forces = integrated_forces(person, motion, activations)
+        forces = integrated_forces(person, motion, performance.activations)
     torques = muscle_torques(model, moved.moment_arm, forces)
     tree = compile_tree(model)
     torques = torques + joint_forces(tree, *values_and_rates(tree, motion))
     size = np.sqrt(np.mean(torques**2, axis=0))
     torques = torques + errors.torque * size * slow(motion.time, torques.shape, rng)
-    columns = [model.muscle_names.index(one) for one in told]
-    emg = activations[:, columns] * (
-        1.0 + errors.emg * slow(motion.time, (len(motion), len(told)), rng)
-    )
-    emg = np.maximum(emg + errors.floor * slow(motion.time, emg.shape, rng), 0.0) / list(
-        gains.values()
-    )
-    target = EmgTarget(told, emg) if told else None
+    emg = _measured_emg(model, performance, laboratory)
+    target = EmgTarget(tuple(laboratory.gains), emg) if laboratory.gains else None
     return mm.PersonalTrial(
-        name, motion, mm.Series(motion.time, model.coordinate_names, torques), target
+        performance.name, motion, mm.Series(motion.time, model.coordinate_names, torques), target
     )
+
+
+def _measured_emg(model: mm.Model, performance: Performance, laboratory: Laboratory) -> Array:
+    """Return envelopes (frames, muscles with a gain), with errors and in units of the gains."""
+    errors = laboratory.errors
+    time = performance.motion.time
+    columns = [model.muscle_names.index(one) for one in laboratory.gains]
+    shape = (len(time), len(columns))
+    activations = performance.activations[:, columns]
+    emg = activations * (1.0 + errors.emg * slow(time, shape, laboratory.rng))
+    emg = np.maximum(emg + errors.floor * slow(time, emg.shape, laboratory.rng), 0.0)
+    return emg / list(laboratory.gains.values())
 
 
 def all_recorded(
@@ -368,13 +468,23 @@ def all_recorded(
     person: mm.Model,
     motions: Sequence[mm.Motion],
     activations: Sequence[Array],
-    errors: Errors,
-    rng: np.random.Generator,
-    gains: Mapping[str, float],
+    laboratory: Laboratory,
 ) -> list[mm.PersonalTrial]:
     """Return the same of several motions on one clock, of De Groote's class.
 
     They are integrated side by side.
+
+    Parameters
+    ----------
+    model : the generic one, for joints' own torques
+    person : with muscles of De Groote's class
+    motions : of the person, with the same times
+    activations : (frames, muscles) of each motion
+    laboratory : with its errors
+
+    Returns
+    -------
+    the recording of each motion
     """
     lengths = [
         mm.muscle_kinematics(person, one, velocities=False, moment_arms=False).muscle_length
@@ -384,10 +494,11 @@ def all_recorded(
         person, np.hstack(lengths), np.array(motions[0].time), np.hstack(activations)
     )
     forces = np.split(together, len(motions), axis=1)
-    return [
-        recorded(model, person, motion, a, errors, rng, gains, f"recording {k}", forces[k])
+    performances = [
+        Performance(name=f"recording {k}", motion=motion, activations=a, forces=forces[k])
         for k, (motion, a) in enumerate(zip(motions, activations, strict=True))
     ]
+    return [recorded(model, person, one, laboratory) for one in performances]
 
 
 def with_other_muscles(person: mm.Model, rng: np.random.Generator) -> mm.Model:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -70,89 +71,193 @@ class SimulatedSensors:
     person: Model  # the body, whose joint axes differ from those of the model
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mounting:
+    """Which sensors are on a body.
+
+    Attributes
+    ----------
+    bodies : one for each sensor
+    rotations : (sensors, 3, 3) from sensors to bodies, by default any
+    accelerometers : whether they measure acceleration too, at a position on the body that nobody
+        knows
+    """
+
+    bodies: Sequence[str]
+    rotations: Array | None = None
+    accelerometers: bool = False
+
+
 def simulated_sensors(
     model: Model,
     motion: Motion,
     bodies: Sequence[str],
     errors: SensorErrors | None = None,
     seed: int = 0,
-    mounted: Array | None = None,
-    accelerometers: bool = False,
 ) -> SimulatedSensors:
-    """Return sensors named BODY_imu on bodies that move.
+    """Return sensors named BODY_imu on bodies that move, mounted anyhow."""
+    return mounted_sensors(model, motion, Mounting(bodies=bodies), errors, seed)
 
-    `mounted`: (sensors, 3, 3) from sensors to bodies, by default any; `accelerometers`: they
-    measure acceleration too, at a position on the body that nobody knows.
-    """
+
+def mounted_sensors(
+    model: Model,
+    motion: Motion,
+    mounting: Mounting,
+    errors: SensorErrors | None = None,
+    seed: int = 0,
+) -> SimulatedSensors:
+    """Return sensors named BODY_imu on bodies that move."""
     errors = errors or SensorErrors()
     rng = np.random.default_rng(seed)
-    off: dict[str, float] = {name: 0.0 for group in GROUPS.values() for name in group}
-    sources = replace(Sources(), **{**off, "joint_axis": errors.axes})
-    person = drawn_model(model, Draw(0, sources, Normals(1, seed)))
-    tree = compile_tree(person)
-    count = len(bodies)
-    frames = len(motion)
-    columns = [tree.body_number(body) for body in bodies]
-    values = tree.coordinates_of(motion)
-    floating = floating_coordinates(model)
-    joints = [j for j in free_coordinates(tree) if model.coordinates[j].name not in floating]
     rate = 1.0 / float(np.median(np.diff(motion.time)))
-    anyhow = rotation_from_vector(rng.uniform(-np.pi, np.pi, (count, 3)) / np.sqrt(3.0))
-    mounted = anyhow if mounted is None else mounted
+    sensed = _sensed_body(model, mounting, errors, rng, seed)
+    values = sensed.tree.coordinates_of(motion)
     common = rng.uniform(-np.pi, np.pi)
 
-    moving = values[:, joints] - values[:, joints].mean(axis=0)
-    gains = rng.normal(size=(len(joints), 3 * count))
-    following = (moving @ gains).reshape(frames, count, 3)
-    following /= np.maximum(following.std(axis=0), 1e-9)
-    skin = (
-        np.sqrt(0.5)
-        * errors.skin
-        * (following + _process(rng, frames, count, errors.skin_time * rate))
-    )
-    filtered = errors.noise * _process(rng, frames, count, errors.noise_time * rate)
-    walk = rng.normal(size=(frames, count)).cumsum(axis=0) * errors.drift / np.sqrt(60.0 * rate)
-    headings = common + errors.heading * rng.normal(size=count) + walk
-
-    def earth(coordinates: Array, moved: Array, turned: Array) -> Array:
-        own = forward_kinematics(tree, coordinates).rotations[:, columns]
-        seen = own @ rotation_from_vector(moved) @ mounted
-        away = rotation_from_vector(-turned[..., None] * np.asarray(model.up))
-        return np.asarray(earth_to_ground(model).T @ away @ seen)
-
-    names = tuple(f"{body}_imu" for body in bodies)
-    measured = earth(values, skin + filtered, headings)
-    stance = np.tile(tree.defaults, (int(rate), 1))
-    stance[:, joints] += errors.pose * rng.normal(size=len(joints))
-    for j in joints:
-        coordinate = model.coordinates[j]
-        if coordinate.clamped:
-            stance[:, j] = np.clip(stance[:, j], *coordinate.range)
-    still = earth(
-        tree.coordinates_of(Motion(np.arange(len(stance)) / rate, model.coordinate_names, stance)),
-        np.zeros((len(stance), count, 3)),
-        np.tile(headings[0], (len(stance), 1)),
-    )
-    felt = None
-    if accelerometers:
-        felt = _accelerations(rng, tree, values, motion.time, columns) - np.asarray(model.gravity)
-        turned = (
-            forward_kinematics(tree, values).rotations[:, columns]
-            @ rotation_from_vector(skin)
-            @ mounted
-        )
-        felt = np.einsum("fsji,fsj->fsi", turned, felt) + ACCELEROMETER * rng.normal(
-            size=felt.shape
-        )
+    shifts = _shifts(sensed, values, errors, rng, rate)
+    headings = _headings(common, shifts.skin.shape[:2], errors, rng, rate)
+    measured = sensed.orientations(values, shifts.skin + shifts.filtered, headings)
+    pose = _calibration_pose(sensed, headings[0], errors, rng, rate)
+    felt = _felt(sensed, values, motion.time, shifts.skin, rng) if mounting.accelerometers else None
+    names = tuple(f"{body}_imu" for body in mounting.bodies)
     return SimulatedSensors(
         sensors=InertialSensors(
             motion.time, names, quaternion_from_rotation(measured), accelerations=felt
         ),
-        pose=InertialSensors(np.arange(len(stance)) / rate, names, quaternion_from_rotation(still)),
-        rotations=mounted,
+        pose=InertialSensors(np.arange(len(pose)) / rate, names, quaternion_from_rotation(pose)),
+        rotations=sensed.mounted,
         headings=headings,
-        person=person,
+        person=sensed.tree.model,
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _SensedBody:
+    """A person and the sensors on it.
+
+    Attributes
+    ----------
+    model : the generic one, for the vertical
+    tree : of the person
+    columns : body number of each sensor
+    joints : coordinates that move freely, without those of the root
+    mounted : (sensors, 3, 3) from sensors to bodies
+    """
+
+    model: Model
+    tree: Tree
+    columns: list[int]
+    joints: list[int]
+    mounted: Array
+
+    def orientations(self, coordinates: Array, moved: Array, turned: Array) -> Array:
+        """Return rotations (frames, sensors, 3, 3) from sensors to the earth of each.
+
+        Parameters
+        ----------
+        coordinates : (frames, coordinates)
+        moved : (frames, sensors, 3) rotation vectors of sensors against bones [rad]
+        turned : (frames, sensors) or (sensors,) headings [rad]
+        """
+        own = forward_kinematics(self.tree, coordinates).rotations[:, self.columns]
+        seen = own @ rotation_from_vector(moved) @ self.mounted
+        away = rotation_from_vector(-turned[..., None] * np.asarray(self.model.up))
+        return np.asarray(earth_to_ground(self.model).T @ away @ seen)
+
+
+def _sensed_body(
+    model: Model, mounting: Mounting, errors: SensorErrors, rng: np.random.Generator, seed: int
+) -> _SensedBody:
+    """Draw a person's joint axes and how sensors are mounted, where that is not specified."""
+    off: dict[str, float] = {name: 0.0 for group in GROUPS.values() for name in group}
+    sources = replace(Sources(), **{**off, "joint_axis": errors.axes})
+    tree = compile_tree(drawn_model(model, Draw(0, sources, Normals(1, seed))))
+    floating = floating_coordinates(model)
+    joints = [j for j in free_coordinates(tree) if model.coordinates[j].name not in floating]
+    count = len(mounting.bodies)
+    anyhow = rotation_from_vector(rng.uniform(-np.pi, np.pi, (count, 3)) / np.sqrt(3.0))
+    return _SensedBody(
+        model=model,
+        tree=tree,
+        columns=[tree.body_number(body) for body in mounting.bodies],
+        joints=joints,
+        mounted=anyhow if mounting.rotations is None else mounting.rotations,
+    )
+
+
+class _Shifts(NamedTuple):
+    """Rotation vectors (frames, sensors, 3) of sensors against bones [rad]."""
+
+    skin: Array
+    filtered: Array
+
+
+def _shifts(
+    sensed: _SensedBody,
+    values: Array,
+    errors: SensorErrors,
+    rng: np.random.Generator,
+    rate: float,
+) -> _Shifts:
+    """Draw how skin moves and how the filter errs."""
+    frames = len(values)
+    count = len(sensed.columns)
+    moving = values[:, sensed.joints] - values[:, sensed.joints].mean(axis=0)
+    gains = rng.normal(size=(len(sensed.joints), 3 * count))
+    following = (moving @ gains).reshape(frames, count, 3)
+    following /= np.maximum(following.std(axis=0), 1e-9)
+    own = _process(rng, frames, count, errors.skin_time * rate)
+    return _Shifts(
+        skin=np.sqrt(0.5) * errors.skin * (following + own),
+        filtered=errors.noise * _process(rng, frames, count, errors.noise_time * rate),
+    )
+
+
+def _headings(
+    common: float,
+    shape: tuple[int, ...],
+    errors: SensorErrors,
+    rng: np.random.Generator,
+    rate: float,
+) -> Array:
+    """Draw headings of a shape (frames, sensors) around a common one, with their drift [rad]."""
+    walk = rng.normal(size=shape).cumsum(axis=0) * errors.drift / np.sqrt(60.0 * rate)
+    return np.asarray(common + errors.heading * rng.normal(size=shape[1]) + walk)
+
+
+def _calibration_pose(
+    sensed: _SensedBody,
+    headings: Array,
+    errors: SensorErrors,
+    rng: np.random.Generator,
+    rate: float,
+) -> Array:
+    """Return orientations (frames, sensors, 3, 3) over a second of the calibration pose."""
+    tree = sensed.tree
+    stance = np.tile(tree.defaults, (int(rate), 1))
+    stance[:, sensed.joints] += errors.pose * rng.normal(size=len(sensed.joints))
+    for j in sensed.joints:
+        coordinate = sensed.model.coordinates[j]
+        if coordinate.clamped:
+            stance[:, j] = np.clip(stance[:, j], *coordinate.range)
+    names = sensed.model.coordinate_names
+    return sensed.orientations(
+        tree.coordinates_of(Motion(np.arange(len(stance)) / rate, names, stance)),
+        np.zeros((len(stance), len(sensed.columns), 3)),
+        np.tile(headings, (len(stance), 1)),
+    )
+
+
+def _felt(
+    sensed: _SensedBody, values: Array, time: Array, skin: Array, rng: np.random.Generator
+) -> Array:
+    """Return what accelerometers measure, (frames, sensors, 3) in their axes [m/s^2]."""
+    felt = _accelerations(rng, sensed.tree, values, time, sensed.columns)
+    felt = felt - np.asarray(sensed.model.gravity)
+    own = forward_kinematics(sensed.tree, values).rotations[:, sensed.columns]
+    turned = own @ rotation_from_vector(skin) @ sensed.mounted
+    noise = ACCELEROMETER * rng.normal(size=felt.shape)
+    return np.asarray(np.einsum("fsji,fsj->fsi", turned, felt) + noise)
 
 
 def _accelerations(

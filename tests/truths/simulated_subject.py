@@ -33,6 +33,11 @@ from truths.simulated_engines import MARGIN, Engine
 EXTENTS = (1e-3, 0.2)
 """Least and greatest root mean square of a body's mass along an axis, from its mass center [m]."""
 
+MOVE_PERIOD = 1.2
+"""Between the moves from one random pose to the next [s]."""
+MOVE_WIDTH = 0.2
+"""Standard deviation of the normal distribution that a move follows [s]."""
+
 
 @dataclass(frozen=True)
 class SubjectOptions:
@@ -238,7 +243,17 @@ Curves = Callable[[Array], tuple[Array, Array, Array]]
 def middles_and_reaches(
     model: mm.Model, amplitudes: Amplitudes | None = None
 ) -> tuple[tuple[str, ...], Array, Array]:
-    """Names, middle and reach of the coordinates that move: neither locked nor driven."""
+    """Return the coordinates that move: neither locked nor driven.
+
+    Parameters
+    ----------
+    model : with ranges of its coordinates
+    amplitudes : how far they go; usual by default
+
+    Returns
+    -------
+    names, and middle and reach (moving,) of each [rad or m]
+    """
     amplitudes = amplitudes or Amplitudes()
     base = next(joint for joint in model.joints if joint.parent == GROUND)
     names = []
@@ -269,7 +284,19 @@ def exciting_curves(
     sines: int = 5,
     band: tuple[float, float] = (0.08, 0.9),
 ) -> Curves:
-    """Make sums of sines of random frequency and phase in every coordinate, growing from rest."""
+    """Make sums of sines of random frequency and phase in every coordinate, growing from rest.
+
+    Parameters
+    ----------
+    middles, reaches : (moving,) [rad or m]
+    seed : of frequencies, phases and shares
+    sines : number in each coordinate
+    band : lowest and highest frequency [Hz]
+
+    Returns
+    -------
+    function of times (frames,) that gives values, velocities and accelerations (frames, moving)
+    """
     random = np.random.default_rng(seed)
     n = len(middles)
     omega = 2.0 * np.pi * random.uniform(*band, (sines, n))
@@ -304,49 +331,84 @@ def step_curves(
     reaches: Array,
     duration: float,
     seed: int = 2,
-    every: float = 1.2,
-    width: float = 0.2,
 ) -> Curves:
     """Make moves from one random pose to the next.
 
-    x_0 + sum_k d_k Phi((t - t_k) / width), Phi the normal distribution.
+    x_0 + sum_k d_k Phi((t - t_k) / w), Phi the normal distribution; t_k are `MOVE_PERIOD` apart, w
+    is `MOVE_WIDTH`.
+
+    Parameters
+    ----------
+    middles, reaches : (moving,) [rad or m]
+    duration : of the movement [s]
+    seed : of the poses
+
+    Returns
+    -------
+    function of times (frames,) that gives values, velocities and accelerations (frames, moving)
     """
     random = np.random.default_rng(seed)
-    at = np.arange(every, duration - every, every)
+    at = np.arange(MOVE_PERIOD, duration - MOVE_PERIOD, MOVE_PERIOD)
     poses = middles + 0.8 * reaches * random.uniform(-1.0, 1.0, (len(at) + 1, len(middles)))
     moves = np.diff(poses, axis=0)
 
     def curves(time: Array) -> tuple[Array, Array, Array]:
-        z = (time[:, None] - at) / width
+        z = (time[:, None] - at) / MOVE_WIDTH
         bell = np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi)
-        return poses[0] + ndtr(z) @ moves, bell @ moves / width, (-z * bell) @ moves / width**2
+        first = bell @ moves / MOVE_WIDTH
+        second = (-z * bell) @ moves / MOVE_WIDTH**2
+        return poses[0] + ndtr(z) @ moves, first, second
 
     return curves
+
+
+@dataclass(frozen=True, kw_only=True)
+class Movement:
+    """What a person does.
+
+    Attributes
+    ----------
+    names : coordinates that move; the others stay at their default or follow
+    curves : function of times (frames,) that gives values, velocities and accelerations (frames,
+        names)
+    duration : [s]
+    """
+
+    names: tuple[str, ...]
+    curves: Curves
+    duration: float
+
+    def sampled(self, rate: float) -> mm.Motion:
+        """Return the motion with `MARGIN` frames before and after, at a rate [Hz]."""
+        frames = round(self.duration * rate) + 1
+        time = np.arange(-MARGIN, frames + MARGIN) / rate
+        values, velocities, accelerations = self.curves(time)
+        return mm.Motion(
+            time=time,
+            names=self.names,
+            values=values,
+            velocities=velocities,
+            accelerations=accelerations,
+        )
 
 
 def record(
     subject: Subject,
     engine: Engine,
-    names: tuple[str, ...],
-    curves: Curves,
-    duration: float,
+    movement: Movement,
     instruments: Instruments | None = None,
-    progress: Callable[[int], None] | None = None,
 ) -> Recording:
     """Record the person as the laboratory does while its coordinates follow the curves."""
     instruments = instruments or Instruments()
     person = subject.person
-    frames = round(duration * instruments.rate) + 1
-    time = np.arange(-MARGIN, frames + MARGIN) / instruments.rate
-    whole = np.tile([one.default for one in person.coordinates], (len(time), 1))
-    columns = [person.coordinate_names.index(name) for name in names]
-    values, velocities, accelerations = curves(time)
-    whole[:, columns] = values
+    motion = movement.sampled(instruments.rate)
+    whole = np.tile([one.default for one in person.coordinates], (len(motion), 1))
+    columns = [person.coordinate_names.index(name) for name in movement.names]
+    whole[:, columns] = motion.values
     follow(person, whole)
     center = plate_center(person)
-    places, wrench = engine.measure(whole, instruments.rate, center, progress)
-    span = slice(MARGIN, -MARGIN)
-    motion = mm.Motion(time[span], names, values[span], velocities[span], accelerations[span])
+    places, wrench = engine.measure(whole, instruments.rate, center)
+    motion = _within_margins(motion)
     random = np.random.default_rng(instruments.seed)
     sigma = instruments.sigma(person.gravity / np.linalg.norm(person.gravity))
     noisy = wrench + sigma * random.standard_normal(wrench.shape)
@@ -360,6 +422,20 @@ def record(
         center=center,
         sigma=sigma,
         wrenches=on_one_foot(person, motion.time, noisy, center),
+    )
+
+
+def _within_margins(motion: mm.Motion) -> mm.Motion:
+    """Return the motion without the `MARGIN` frames at either end."""
+    span = slice(MARGIN, -MARGIN)
+    assert motion.velocities is not None
+    assert motion.accelerations is not None
+    return mm.Motion(
+        time=motion.time[span],
+        names=motion.names,
+        values=motion.values[span],
+        velocities=motion.velocities[span],
+        accelerations=motion.accelerations[span],
     )
 
 

@@ -191,7 +191,7 @@ def swing(
         state = state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth)
     all_states = np.stack(states, axis=1)
     return tuple(
-        recorded(
+        _recorded(
             made,
             f"release {i}",
             time,
@@ -203,7 +203,7 @@ def swing(
     )
 
 
-def recorded(made, name, time, rotations, rates, accelerations, wrench=None) -> SwingRecording:
+def _recorded(made, name, time, rotations, rates, accelerations, wrench=None) -> SwingRecording:
     """Equations of a motion; the wrench that it needs where none was measured."""
     rows, moments = limb_rows(rotations, rates, accelerations)
     angles = Rotation.from_matrix(rotations).as_rotvec()

@@ -6,6 +6,7 @@ They are written as the equations that identification takes.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -79,95 +80,176 @@ def moment_arms(angles: Array) -> Array:
     return level + 0.004 * np.sin(angles[:, None, :] + np.arange(4)[:, None])
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Setup:
+    """How limbs swing.
+
+    Attributes
+    ----------
+    axis : (3,) of a hinge, None for a ball joint
+    seconds : length of a recording [s]
+    rate : of its frames, a divisor of 200 [Hz]
+    muscles : whether the limbs have the four of `MUSCLES`
+    """
+
+    axis: Array | None = None
+    seconds: float = 7.0
+    rate: float = 100.0
+    muscles: bool = True
+
+    @property
+    def directions(self) -> Array:
+        """(axes, 3) about which the limb turns."""
+        return np.eye(3) if self.axis is None else self.axis[None]
+
+    def arms(self, angles: Array) -> Array:
+        """Return moment arms about the axes.
+
+        Parameters
+        ----------
+        angles : (frames, 3) [rad]
+
+        Returns
+        -------
+        (frames, muscles, axes) [m/rad]
+        """
+        if not self.muscles:
+            return np.zeros((len(angles), 0, len(self.directions)))
+        return moment_arms(angles) @ self.directions.T
+
+
+BALL = Setup()
+
+
 def swung(
     laws: Sequence[PassiveLaw],
     starts: Sequence[Array],
     rates: Sequence[Array],
-    *,
-    axis: Array | None = None,
-    seconds: float = 7.0,
-    rate: float = 100.0,
-    muscles: bool = True,
+    setup: Setup = BALL,
 ) -> list[SwingRecording]:
     """Simulate exact recordings of limbs let go at rotation vectors from hanging.
 
-    Rates are along their axes. All are simulated at once: the classical Runge-Kutta method of order
-    4 on quaternions, steps of 5 ms.
+    All are simulated at once: the classical Runge-Kutta method of order 4 on quaternions, steps of
+    5 ms.
+
+    Parameters
+    ----------
+    laws : of each limb
+    starts : (3,) rotation vector of each from hanging [rad]
+    rates : (3,) angular velocity of each along the limb's axes [rad/s]
+    setup : axis, muscles and sampling
+
+    Returns
+    -------
+    the recording of each limb
     """
-    inertia = inertia_matrices(LIMB)
-    h = LIMB[1:4]
-    gravity = np.array(GRAVITY)
-    hanging = Rotation.align_vectors([gravity], [h])[0]
-    upright = hanging.inv()
-    turn = np.eye(3) if axis is None else axis[None]
-    coefficients = np.array([one.coefficients for one in laws])
+    limbs = _Limbs(laws, setup)
+    quaternions = (limbs.hanging * Rotation.from_rotvec(np.array(starts))).as_quat()
+    states = _integrated(limbs, np.hstack([quaternions, np.array(rates, dtype=float)]))
+    return [
+        _recording(number, limbs, path) for number, path in enumerate(np.swapaxes(states, 0, 1))
+    ]
 
-    def arms(angles: Array) -> Array:
-        return moment_arms(angles) @ turn.T if muscles else np.zeros((len(angles), 0, len(turn)))
 
-    def acceleration(q: Array, w: Array) -> Array:
+class _Limbs:
+    """Equations of motion of limbs with different laws, side by side.
+
+    Attributes
+    ----------
+    hanging : the rotation in which the limb hangs
+    """
+
+    def __init__(self, laws: Sequence[PassiveLaw], setup: Setup) -> None:
+        self.setup = setup
+        self.width = laws[0].width
+        self.coefficients = np.array([one.coefficients for one in laws])
+        self.inertia = inertia_matrices(LIMB)
+        self.hanging = Rotation.align_vectors([np.array(GRAVITY)], [LIMB[1:4]])[0]
+
+    def angles(self, rotation: Rotation) -> Array:
+        """Return rotation vectors (frames, 3) from hanging [rad]."""
+        return (self.hanging.inv() * rotation).as_rotvec()
+
+    def acceleration(self, q: Array, w: Array, coefficients: Array) -> Array:
+        """Return angular accelerations in the limb.
+
+        Parameters
+        ----------
+        q, w : (rows, 4) quaternions and (rows, 3) angular velocities [rad/s]
+        coefficients : (rows, terms) of the law of each row
+
+        Returns
+        -------
+        (rows, 3) [rad/s^2]
+        """
+        axis = self.setup.axis
+        turn = self.setup.directions
         rotation = Rotation.from_quat(q)
-        angles = (upright * rotation).as_rotvec()
+        angles = self.angles(rotation)
         slopes = hinge_slopes(rotation.as_matrix(), HINGES) if axis is None else None
-        columns = resistances(angles @ turn.T, w @ turn.T, arms(angles), laws[0].width, slopes)
-        torque = -np.einsum("fac,fc->fa", columns, coefficients) @ turn
-        torque = (
-            torque + np.cross(h, rotation.apply(gravity, inverse=True)) - np.cross(w, w @ inertia)
+        columns = resistances(
+            angles @ turn.T, w @ turn.T, self.setup.arms(angles), self.width, slopes
         )
+        torque = -np.einsum("fac,fc->fa", columns, coefficients) @ turn
+        weight = np.cross(LIMB[1:4], rotation.apply(np.array(GRAVITY), inverse=True))
+        torque = torque + weight - np.cross(w, w @ self.inertia)
         if axis is None:
-            return torque @ np.linalg.inv(inertia)
-        return np.outer(torque @ axis / (axis @ inertia @ axis), axis)
+            return torque @ np.linalg.inv(self.inertia)
+        return np.outer(torque @ axis / (axis @ self.inertia @ axis), axis)
 
-    def slope(state: Array) -> Array:
+    def slope(self, state: Array) -> Array:
+        """Return the derivative of states (limbs, 7), quaternion and angular velocity."""
         vector = state[:, :3]
         scalar = state[:, 3:4]
         w = state[:, 4:]
         turning = np.hstack(
             [scalar * w + np.cross(vector, w), -np.sum(vector * w, axis=1, keepdims=True)]
         )
-        return np.hstack([0.5 * turning, acceleration(state[:, :4], w)])
+        return np.hstack([0.5 * turning, self.acceleration(state[:, :4], w, self.coefficients)])
 
-    every = round(200.0 / rate)
-    state = np.hstack(
-        [(hanging * Rotation.from_rotvec(np.array(starts))).as_quat(), np.array(rates, dtype=float)]
-    )
+
+def _integrated(limbs: _Limbs, state: Array) -> list[Array]:
+    """Return states (limbs, 7) at each frame from the first one."""
+    every = round(200.0 / limbs.setup.rate)
     states = []
-    for i in range(round(200.0 * seconds)):
+    for i in range(round(200.0 * limbs.setup.seconds)):
         if i % every == 0:
             states.append(state)
-        a = slope(state)
-        b = slope(state + 0.0025 * a)
-        c = slope(state + 0.0025 * b)
-        d = slope(state + 0.005 * c)
+        a = limbs.slope(state)
+        b = limbs.slope(state + 0.0025 * a)
+        c = limbs.slope(state + 0.0025 * b)
+        d = limbs.slope(state + 0.005 * c)
         state = state + 0.005 / 6.0 * (a + 2.0 * b + 2.0 * c + d)
-    time = np.arange(len(states)) / rate
-    made = []
-    for number, path in enumerate(np.swapaxes(states, 0, 1)):
-        coefficients = np.tile(laws[number].coefficients, (len(path), 1))
-        q = path[:, :4]
-        w = path[:, 4:]
-        rotations = Rotation.from_quat(q)
-        moment, force = moment_rows(rotations.as_matrix(), w, acceleration(q, w), gravity)
-        rows = [np.einsum("fij,fjp->fip", rotations.as_matrix(), one) for one in (moment, force)]
-        wrench_rows = np.concatenate(rows, axis=1)
-        angles = (upright * rotations).as_rotvec()
-        period = 2.0 * np.pi * np.sqrt(inertia[0, 0] / (np.linalg.norm(h) * 9.81))
-        made.append(
-            SwingRecording(
-                name=f"release {number + 1}",
-                time=time,
-                wrench_rows=wrench_rows,
-                wrench=wrench_rows @ LIMB,
-                torque_rows=np.einsum("ai,fip->fap", turn, moment),
-                rates=w @ turn.T,
-                angles=angles @ turn.T,
-                axes=("x", "y", "z") if axis is None else ("flexion",),
-                muscles=MUSCLES if muscles else (),
-                lengthening=arms(angles),
-                rotations=rotations.as_matrix(),
-                gravity=np.array(gravity),
-                swing=np.floor(time / period).astype(int),
-                hinges=HINGES if axis is None else np.zeros((0, 3)),
-            )
-        )
-    return made
+    return states
+
+
+def _recording(number: int, limbs: _Limbs, path: Array) -> SwingRecording:
+    """Write the states (frames, 7) of a limb as equations."""
+    setup = limbs.setup
+    turn = setup.directions
+    w = path[:, 4:]
+    rotations = Rotation.from_quat(path[:, :4])
+    law_terms = np.tile(limbs.coefficients[number], (len(path), 1))
+    accelerations = limbs.acceleration(path[:, :4], w, law_terms)
+    moment, force = moment_rows(rotations.as_matrix(), w, accelerations, np.array(GRAVITY))
+    rows = [np.einsum("fij,fjp->fip", rotations.as_matrix(), one) for one in (moment, force)]
+    wrench_rows = np.concatenate(rows, axis=1)
+    angles = limbs.angles(rotations)
+    time = np.arange(len(path)) / setup.rate
+    period = 2.0 * np.pi * np.sqrt(limbs.inertia[0, 0] / (np.linalg.norm(LIMB[1:4]) * 9.81))
+    return SwingRecording(
+        name=f"release {number + 1}",
+        time=time,
+        wrench_rows=wrench_rows,
+        wrench=wrench_rows @ LIMB,
+        torque_rows=np.einsum("ai,fip->fap", turn, moment),
+        rates=w @ turn.T,
+        angles=angles @ turn.T,
+        axes=("x", "y", "z") if setup.axis is None else ("flexion",),
+        muscles=MUSCLES if setup.muscles else (),
+        lengthening=setup.arms(angles),
+        rotations=rotations.as_matrix(),
+        gravity=np.array(GRAVITY),
+        swing=np.floor(time / period).astype(int),
+        hinges=HINGES if setup.axis is None else np.zeros((0, 3)),
+    )

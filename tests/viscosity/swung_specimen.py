@@ -5,7 +5,9 @@ Markers without noise, wrench without noise, and the truth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -193,7 +195,7 @@ class Swung:
     damping: float
 
 
-def limb_parameters(specimen: Specimen, held: dict[str, float]) -> Array:
+def limb_parameters(specimen: Specimen, held: Mapping[str, float]) -> Array:
     """Return inertial parameters of all bones of the limb about the joint's center.
 
     Parameters
@@ -221,52 +223,120 @@ def limb_parameters(specimen: Specimen, held: dict[str, float]) -> Array:
     )
 
 
-def swing(
-    specimen: Specimen,
-    name: str = "swing",
-    release: tuple[float, float, float] = (0.6, 0.2, -0.5),
-    seconds: float = 6.0,
-    damping: float = 0.05,
-    held: dict[str, float] | None = None,
-    hold: float = 0.0,
-) -> Swung:
-    """Let the limb go, rotated by a rotation vector from hanging.
+@dataclass(frozen=True, kw_only=True)
+class Release:
+    """How a limb is let go.
 
-    A hand holds it for the first `hold` seconds.
+    Attributes
+    ----------
+    name : of the recording
+    turned : rotation vector from hanging [rad]
+    seconds : length of the recording [s]
+    damping : of every axis of the joint [N m s/rad]
+    held : angles of the other coordinates by name [rad]
+    hold : time for which a hand holds the limb at first [s]
     """
-    held = HELD if held is None else held
-    phi = limb_parameters(specimen, held)
-    mass = phi[0]
-    h = phi[1:4]
-    inertia = inertia_matrices(phi)
-    gravity = specimen.model.gravity
-    hanging = _turn_onto(h / np.linalg.norm(h), gravity / np.linalg.norm(gravity))
-    angle = float(np.linalg.norm(release))
-    start = hanging @ axis_rotation(np.array(release) / angle, angle)
-    inverse = np.linalg.inv(inertia)
 
-    def turning(R: Array, w: Array) -> Array:
+    name: str = "swing"
+    turned: tuple[float, float, float] = (0.6, 0.2, -0.5)
+    seconds: float = 6.0
+    damping: float = 0.05
+    held: Mapping[str, float] = field(default_factory=lambda: HELD)
+    hold: float = 0.0
+
+
+USUAL = Release()
+
+
+def swing(specimen: Specimen, release: Release = USUAL) -> Swung:
+    """Let the limb go, and record it."""
+    limb = _Limb(specimen, release)
+    path = _path(limb, specimen, release)
+    wrenches = _plate_wrenches(limb, specimen, path)
+    seen = path.rotations[::EVERY]
+    markers = markers_of(specimen, path.time[::EVERY], seen, release.held)
+    return Swung(
+        trial=SwingTrial(release.name, markers, wrenches),
+        rotations=seen,
+        rates=path.rates[::EVERY],
+        parameters=limb.parameters,
+        damping=release.damping,
+    )
+
+
+class _Limb:
+    """Equations of motion of a limb about the joint's center, along the humerus' axes.
+
+    Attributes
+    ----------
+    parameters : (10,) of all its bones
+    damping : of every axis [N m s/rad]
+    gravity : (3,) in ground [m/s^2]
+    """
+
+    def __init__(self, specimen: Specimen, release: Release) -> None:
+        self.parameters = limb_parameters(specimen, release.held)
+        self.damping = release.damping
+        self.gravity = specimen.model.gravity
+        self.inertia = inertia_matrices(self.parameters)
+        self._inverse = np.linalg.inv(self.inertia)
+
+    @property
+    def first_moment(self) -> Array:
+        """(3,) [kg m]."""
+        return self.parameters[1:4]
+
+    def acceleration(self, R: Array, w: Array) -> Array:
+        """Return angular accelerations.
+
+        Parameters
+        ----------
+        R : (..., 3, 3) rotations in ground
+        w : (..., 3) angular velocities [rad/s]
+
+        Returns
+        -------
+        (..., 3) [rad/s^2]
+        """
         moment = (
-            np.cross(h, np.einsum("...ji,j->...i", R, gravity))
-            - damping * w
-            - np.cross(w, w @ inertia)
+            np.cross(self.first_moment, np.einsum("...ji,j->...i", R, self.gravity))
+            - self.damping * w
+            - np.cross(w, w @ self.inertia)
         )
-        return moment @ inverse
+        return moment @ self._inverse
 
-    def change(_, state: Array) -> Array:
+    def slope(self, _: float, state: Array) -> Array:
+        """Return the derivative of a state (12,): rotation, row by row, and angular velocity."""
         R = state[:9].reshape(3, 3)
         w = state[9:]
         x, y, z = w
         spin = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        return np.concatenate([(R @ spin).ravel(), turning(R, w)])
+        return np.concatenate([(R @ spin).ravel(), self.acceleration(R, w)])
 
-    time = STEP * np.arange(round(seconds / STEP))
-    after = time >= hold
+
+class _Path(NamedTuple):
+    """Motion of the limb at the plate's samples."""
+
+    time: Array  # (samples,) [s]
+    free: Array  # (samples,) whether the hand has let go
+    rotations: Array  # (samples, 3, 3) in ground
+    rates: Array  # (samples, 3) in the humerus [rad/s]
+    accelerations: Array  # (samples, 3) in the humerus [rad/s^2]
+
+
+def _path(limb: _Limb, specimen: Specimen, release: Release) -> _Path:
+    gravity = specimen.model.gravity
+    h = limb.first_moment
+    hanging = _turn_onto(h / np.linalg.norm(h), gravity / np.linalg.norm(gravity))
+    angle = float(np.linalg.norm(release.turned))
+    start = hanging @ axis_rotation(np.array(release.turned) / angle, angle)
+    time = STEP * np.arange(round(release.seconds / STEP))
+    after = time >= release.hold
     begin = np.concatenate([start.ravel(), np.zeros(3)])
     states = np.tile(begin, (len(time), 1))
     solved = solve_ivp(
-        change,
-        (hold, seconds),
+        limb.slope,
+        (release.hold, release.seconds),
         begin,
         method="DOP853",
         t_eval=time[after],
@@ -277,32 +347,28 @@ def swing(
     states[after] = solved.y.T
     R = states[:, :9].reshape(-1, 3, 3)
     w = states[:, 9:]
-    a = np.where(after[:, None], turning(R, w), 0.0)
-    wrench = np.empty((len(time), 6))
-    wrench[:, :3] = np.einsum("fij,fj->fi", R, -damping * w)
-    wrench[:, 3:] = (
-        np.einsum("fij,fj->fi", R, np.cross(a, h) + np.cross(w, np.cross(w, h))) - mass * gravity
-    )
-    wrench[~after, 3:] *= 0.3  # The hand carries the rest.
+    a = np.where(after[:, None], limb.acceleration(R, w), 0.0)
+    return _Path(time=time, free=after, rotations=R, rates=w, accelerations=a)
+
+
+def _plate_wrenches(limb: _Limb, specimen: Specimen, path: _Path) -> Wrenches:
+    """Return what carries the base, at a point off the joint's center."""
+    h = limb.first_moment
+    w = path.rates
+    moment = np.einsum("fij,fj->fi", path.rotations, -limb.damping * w)
+    pull = np.cross(path.accelerations, h) + np.cross(w, np.cross(w, h))
+    force = np.einsum("fij,fj->fi", path.rotations, pull) - limb.parameters[0] * limb.gravity
+    force[~path.free] *= 0.3  # The hand carries the rest.
     center = specimen.center_in_ground
-    point = np.tile(center + [0.1, 0.0, -0.05], (len(time), 1))
-    torque = wrench[:, :3] - np.cross(point - center, wrench[:, 3:])
-    wrenches = Wrenches(
-        time=time,
+    point = np.tile(center + [0.1, 0.0, -0.05], (len(path.time), 1))
+    torque = moment - np.cross(point - center, force)
+    return Wrenches(
+        time=path.time,
         names=("plate",),
         bodies=("",),
-        forces=wrench[:, None, 3:],
+        forces=force[:, None],
         points=point[:, None],
         torques=torque[:, None],
-    )
-    seen = R[::EVERY]
-    markers = markers_of(specimen, time[::EVERY], seen, held)
-    return Swung(
-        trial=SwingTrial(name, markers, wrenches),
-        rotations=seen,
-        rates=w[::EVERY],
-        parameters=phi,
-        damping=damping,
     )
 
 
@@ -313,7 +379,7 @@ def _turn_onto(one: Array, other: Array) -> Array:
 
 
 def markers_of(
-    specimen: Specimen, time: Array, rotations: Array, held: dict[str, float]
+    specimen: Specimen, time: Array, rotations: Array, held: Mapping[str, float]
 ) -> Markers:
     """Return where the clusters are while the humerus rotates.
 

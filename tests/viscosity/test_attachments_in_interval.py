@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from swung_specimen import arm_specimen, swing
+from swung_specimen import Release, arm_specimen, swing
 
 from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
@@ -76,7 +76,10 @@ def test_swings_that_no_muscle_resists_have_no_limits():
 @pytest.fixture(scope="module")
 def tracked():
     specimen = arm_specimen()
-    trials = [swing(specimen, f"swing {i}", (0.6, 0.2 * i, -0.5)).trial for i in range(2)]
+    trials = [
+        swing(specimen, Release(name=f"swing {i}", turned=(0.6, 0.2 * i, -0.5))).trial
+        for i in range(2)
+    ]
     return track(specimen, trials)
 
 

@@ -19,7 +19,7 @@ from myomorph.swings.viscosity.swings.motion import (
     limb_motion,
     on_moving_base,
 )
-from truths.mechanical_joint import mechanical_joint
+from truths.mechanical_joint import JointExperiment, mechanical_joint
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,9 @@ def spun() -> tuple[Specimen, Motion, Sampled]:
 
     It is returned as coordinates of its specimen.
     """
-    joint = mechanical_joint("ball", 0.01, 0.0, 25, seconds=8.0, trials=1)
+    joint = mechanical_joint(
+        "ball", 0.01, 0.0, 25, experiment=JointExperiment(seconds=8.0, trials=1)
+    )
     specimen = build_specimen(joint.model, SpecimenNames("base", "limb"))
     exact = joint.trials[0].exact.every(5)
     order = "".join("XYZ"[int(np.argmax(axis.vector))] for axis in specimen.model.joints[1].axes)
@@ -49,7 +51,9 @@ def test_rates_through_jumps_of_angles(spun: tuple[Specimen, Motion, Sampled]) -
 def test_accelerations_give_the_wrench(spun: tuple[Specimen, Motion, Sampled]) -> None:
     specimen, motion, exact = spun
     rows = limb_motion(specimen, differentiate_joint(specimen, motion)).wrench_rows[20:-20]
-    parameters = mechanical_joint("ball", 0.01, 0.0, 25, seconds=0.1, trials=0).truth.parameters
+    parameters = mechanical_joint(
+        "ball", 0.01, 0.0, 25, experiment=JointExperiment(seconds=0.1, trials=0)
+    ).truth.parameters
     assert np.abs(rows @ parameters - exact.wrench[20:-20]).max() < 1e-2
 
 

@@ -19,7 +19,7 @@ from myomorph.swings.viscosity.trust.acting import ActingLaw
 from myomorph.swings.viscosity.trust.checks import plate_zero, recording_findings
 from myomorph.swings.viscosity.trust.models import PassiveOptions, compare_passive_laws
 from truths.bench_joint import write_bench
-from truths.mechanical_joint import GRAVITY, mechanical_joint
+from truths.mechanical_joint import GRAVITY, JointExperiment, mechanical_joint
 
 DAMPING = 0.06
 FRICTION = 0.02
@@ -29,7 +29,9 @@ FEW = PassiveOptions(draws=60)
 
 @pytest.fixture(scope="module", params=AXES, ids=str)
 def hinge(request):
-    return mechanical_joint("hinge", DAMPING, 0.0, 7, seconds=8.0, axis=request.param)
+    return mechanical_joint(
+        "hinge", DAMPING, 0.0, 7, experiment=JointExperiment(seconds=8.0, axis=request.param)
+    )
 
 
 def test_a_hinge_shows_its_limb_whichever_way_its_axis_lies(hinge):
@@ -79,7 +81,11 @@ def test_a_scale_by_kind_is_the_same_in_all_axes():
 @pytest.mark.parametrize("friction", [0.0, FRICTION])
 def test_a_bench_hinge_comes_back_by_the_command(tmp_path, capsys, friction):
     joint = mechanical_joint(
-        "hinge", DAMPING, 0.0, 21, seconds=10.0, friction=friction, axis=(0.0, 1.0, 0.0)
+        "hinge",
+        DAMPING,
+        0.0,
+        21,
+        experiment=JointExperiment(seconds=10.0, friction=friction, axis=(0.0, 1.0, 0.0)),
     )
     study = write_bench(joint, tmp_path / "bench")
     assert main(["viscosity", str(study), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
@@ -98,7 +104,11 @@ def test_friction_that_holds_a_ball_about_some_axes_is_found(trials):
     """What sticks holds any torque up to the friction: only axes that slide tell its size."""
     kind = "ball" if trials > 1 else "hinge"
     joint = mechanical_joint(
-        kind, DAMPING, 0.0, 504, seconds=12.0, friction=FRICTION, spin=0.0, trials=trials
+        kind,
+        DAMPING,
+        0.0,
+        504,
+        experiment=JointExperiment(seconds=12.0, friction=FRICTION, spin=0.0, trials=trials),
     )
     swings = [replace(each, cutoff=10.0) for each in joint.swings(10.0)]
     acting = compare_passive_laws(swings, FEW).acting
@@ -109,7 +119,7 @@ def test_friction_that_holds_a_ball_about_some_axes_is_found(trials):
 
 
 def test_an_axis_is_no_better_known_than_errors_of_instruments_leave_it():
-    joint = mechanical_joint("ball", DAMPING, 0.0, 4, seconds=8.0)
+    joint = mechanical_joint("ball", DAMPING, 0.0, 4, experiment=JointExperiment(seconds=8.0))
     options = ViscosityOptions(draws=40, stiffness=False)
     swings = identify_specimen("ball", joint.swings(10.0), (), options=options)
     condition = swings.without

@@ -79,7 +79,7 @@ def truth():
     return time, rotations, rows @ phi, natural_spline(time, rows @ phi, degree=3)
 
 
-def recorded(
+def _recorded(
     truth,
     offset: float,
     drift: float,
@@ -112,7 +112,7 @@ def recorded(
 
 @pytest.mark.parametrize(("offset", "drift"), [(0.0, 0.0), (0.0123, 40e-6), (-0.2, -120e-6)])
 def test_without_noise_the_clock_is_exact(truth, offset, drift):
-    clock = wrench_clock(*recorded(truth, offset, drift, 0, 0.0, 0.0, 0.0))
+    clock = wrench_clock(*_recorded(truth, offset, drift, 0, 0.0, 0.0, 0.0))
     assert clock.offset == pytest.approx(offset + drift * clock.epoch, abs=5e-6)
     assert clock.drift == pytest.approx(drift, abs=1e-6)
 
@@ -129,7 +129,7 @@ def test_with_noise_of_a_laboratory_the_clock_is_found_nearly_as_well_as_can_be(
     errors = []
     told = []
     for seed in range(4):
-        clock = wrench_clock(*recorded(truth, 0.0123, 40e-6, seed))
+        clock = wrench_clock(*_recorded(truth, 0.0123, 40e-6, seed))
         errors.append((clock.offset - 0.0123 - 40e-6 * clock.epoch, clock.drift - 40e-6))
         told.append((clock.offset_sd, clock.drift_sd))
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
@@ -140,7 +140,7 @@ def test_with_noise_of_a_laboratory_the_clock_is_found_nearly_as_well_as_can_be(
 
 
 def test_a_plate_tared_with_the_arm_on_it_has_the_same_clock(truth):
-    time, rows, own, wrench = recorded(truth, 0.0123, 40e-6, 3)
+    time, rows, own, wrench = _recorded(truth, 0.0123, 40e-6, 3)
     clock = wrench_clock(time, rows, own, wrench)
     tared = wrench_clock(time, rows, own, (wrench - wrench[0]))
     assert tared.offset == pytest.approx(clock.offset, abs=1e-9)
@@ -148,7 +148,7 @@ def test_a_plate_tared_with_the_arm_on_it_has_the_same_clock(truth):
 
 
 def test_a_swing_without_motion_is_refused(truth):
-    time, rows, own, wrench = recorded(truth, 0.0, 0.0, 0)
+    time, rows, own, wrench = _recorded(truth, 0.0, 0.0, 0)
     with pytest.raises(BadData, match="do not explain each other"):
         wrench_clock(
             time,

@@ -18,7 +18,7 @@ from myomorph.core.model.spatial import rotation_from_euler_xyz
 from myomorph.core.model.surface import Surface
 from myomorph.core.surfaces.linear_maps import Similarity
 from myomorph.swings.viscosity.study.calibration import ScanFiles, model_from_scans, read_picks
-from scans import cluster, made_scan
+from scans import ScanQuality, cluster, made_scan
 
 MODEL = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
 OFFSETS = np.array([[0.0, 0.0, 0.0], [0.03, 0.005, 0.0], [0.01, 0.025, 0.0]])
@@ -51,7 +51,7 @@ def specimen(data, tmp_path_factory):
             for mesh in body.meshes
         }
         surface = bone_surface(body, meshes)
-        scan, way = made_scan(surface, seed=seed, refine=1)
+        scan, way = made_scan(surface, seed=seed, quality=ScanQuality(refine=1))
         back = way.inverse()
         # The cluster keeps its size; only its middle sits where the model's bone has it.
         turn = Similarity(back.rotation @ rotation_from_euler_xyz((0.1, 0.2, 0.3)), np.zeros(3))

@@ -13,7 +13,7 @@ from myomorph.swings.viscosity.trust.cutoff import (
     residual_analysis,
     scan_cutoffs,
 )
-from truths.mechanical_joint import mechanical_joint
+from truths.mechanical_joint import JointExperiment, mechanical_joint
 
 RATE = 200.0
 TIME = np.arange(0.0, 30.0, 1.0 / RATE)
@@ -58,7 +58,7 @@ def test_a_signal_full_of_gaps_is_refused():
 
 
 def test_results_of_a_virtual_hinge_lie_on_a_plateau():
-    joint = mechanical_joint("hinge", 0.05, 0.0, seed=1, seconds=15.0)
+    joint = mechanical_joint("hinge", 0.05, 0.0, seed=1, experiment=JointExperiment(seconds=15.0))
     scan = scan_cutoffs(joint.swings, (2.0, 5.0, 7.0, 10.0))
     truth = joint.truth
     mass, com, viscosity = scan.T

@@ -13,7 +13,7 @@ import pytest
 from myomorph.swings.viscosity.identification.budget import ErrorOptions, disturbed
 from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
 from myomorph.swings.viscosity.identification.instruments import Instruments, estimate_instruments
-from truths.mechanical_joint import mechanical_joint
+from truths.mechanical_joint import JointExperiment, mechanical_joint
 
 DAMPING = 0.055
 ORIGIN = np.array([0.2, 0.0, -0.8])
@@ -22,7 +22,9 @@ OPTIONS = ViscosityOptions(draws=10, stiffness=False)
 
 @pytest.fixture(scope="module")
 def swings():
-    made = mechanical_joint("ball", DAMPING, 0.0, seed=4, seconds=8.0).swings()
+    made = mechanical_joint(
+        "ball", DAMPING, 0.0, seed=4, experiment=JointExperiment(seconds=8.0)
+    ).swings()
     return [replace(one, origin=ORIGIN) for one in made]
 
 

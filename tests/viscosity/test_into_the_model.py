@@ -31,7 +31,7 @@ from myomorph.swings.viscosity.identified_model import (
     dampers_of,
     joint_bushing,
 )
-from truths.coordinate_dampers import coordinate_damping, coordinate_stiffness
+from truths.coordinate_dampers import JointSpring, coordinate_damping, coordinate_stiffness
 
 SHOULDER = "shoulder-thoracoscapular/model_cmc/TSM_subject_CMC_noWeight.osim"
 MJCF = """<mujoco><worldbody><site name="a" pos="0.1 0 0"/><body><joint name="ball" type="ball"/>
@@ -193,7 +193,7 @@ def test_a_hinge_is_expressed_exactly():
     assert found.values["q1"] == pytest.approx(0.07)
     assert found.still == ("q0", "q2")
     assert found.residual < 1e-12
-    stiff = coordinate_stiffness(model, "base", "limb", 2.0, {}, motion)
+    stiff = coordinate_stiffness(model, "base", "limb", JointSpring(stiffness=2.0, rest={}), motion)
     assert stiff.values["q1"] == pytest.approx(2.0)
     assert stiff.rest["q1"] == pytest.approx(0.0, abs=1e-9)
     assert stiff.residual < 1e-9
@@ -241,7 +241,11 @@ def test_a_spring_lies_on_the_joint_s_torque():
     values = motion.values.copy()
     values[:, 1:] -= values[:, 1:].mean(axis=0)
     found = coordinate_stiffness(
-        model, "base", "limb", 3.0, {"lean": 0.5}, replace(motion, values=values)
+        model,
+        "base",
+        "limb",
+        JointSpring(stiffness=3.0, rest={"lean": 0.5}),
+        replace(motion, values=values),
     )
     for name in ("q0", "q1", "q2"):
         assert found.values[name] == pytest.approx(3.0, rel=1e-3)

@@ -11,7 +11,7 @@ from myomorph.swings.viscosity.identification.identify import ViscosityOptions, 
 from myomorph.swings.viscosity.swings.sums import swing_sums
 from myomorph.swings.viscosity.trust.freed import ActingTerms, FreedProblem
 from myomorph.swings.viscosity.trust.models import PassiveOptions, compare_passive_laws
-from truths.mechanical_joint import mechanical_joint
+from truths.mechanical_joint import JointExperiment, mechanical_joint
 
 DAMPING = 0.06
 FRICTION = 0.02
@@ -20,7 +20,9 @@ FEW = PassiveOptions(draws=60)
 
 def test_dry_friction_of_a_hinge_is_found_and_leaves_the_damping():
     """Without errors of the inertia of a stated size they took all that resists."""
-    joint = mechanical_joint("hinge", DAMPING, 0.0, 61, seconds=12.0, friction=FRICTION)
+    joint = mechanical_joint(
+        "hinge", DAMPING, 0.0, 61, experiment=JointExperiment(seconds=12.0, friction=FRICTION)
+    )
     acting = compare_passive_laws(joint.swings(8.0), FEW).acting
     assert acting is not None
     assert acting.friction
@@ -30,7 +32,9 @@ def test_dry_friction_of_a_hinge_is_found_and_leaves_the_damping():
 
 def test_a_ball_that_is_released_without_spin_stays_one_value():
     """Errors of the inertia that act on a noisy acceleration took the torque about its length."""
-    joint = mechanical_joint("ball", DAMPING, 0.0, 106, seconds=15.0, spin=0.0)
+    joint = mechanical_joint(
+        "ball", DAMPING, 0.0, 106, experiment=JointExperiment(seconds=15.0, spin=0.0)
+    )
     swings = [replace(one, cutoff=10.0) for one in joint.swings(10.0)]
     assert compare_passive_laws(swings, FEW).acting is None
     sums = swing_sums(swings)
@@ -40,7 +44,7 @@ def test_a_ball_that_is_released_without_spin_stays_one_value():
 
 
 def test_an_axis_whose_rates_are_noise_is_not_shown():
-    joint = mechanical_joint("ball", DAMPING, 0.0, 4, seconds=12.0)
+    joint = mechanical_joint("ball", DAMPING, 0.0, 4, experiment=JointExperiment(seconds=12.0))
     swings = [replace(one, cutoff=10.0) for one in joint.swings(10.0)]
     plain = Excitation.of(swings)
     assert plain.shown.all()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from swung_limb import LAWS, LIMB, law, released, swung
+from swung_limb import LAWS, LIMB, Setup, law, released, swung
 
 from myomorph.core.fit.correlation import variance_samples
 from myomorph.core.model.errors import UnknownName
@@ -24,7 +24,7 @@ from myomorph.swings.viscosity.trust.law import (
     resistances,
 )
 from myomorph.swings.viscosity.trust.models import PassiveOptions, compare_passive_laws
-from truths.mechanical_joint import mechanical_joint
+from truths.mechanical_joint import JointExperiment, mechanical_joint
 
 AXIS = np.array([0.6, 0.0, 0.8])
 QUICK = PassiveOptions(draws=40, held_out=2)
@@ -64,7 +64,7 @@ def test_three_hinges_damp_the_rates_of_their_own_angles():
 
 def test_a_hinge_keeps_to_its_axis():
     passive = law(1, viscosity=0.05, stiffness=0.8, rest_moment=0.1)
-    recording = swung([passive], [0.9 * AXIS], [np.zeros(3)], axis=AXIS, muscles=False)[0]
+    recording = swung([passive], [0.9 * AXIS], [np.zeros(3)], Setup(axis=AXIS, muscles=False))[0]
     predicted = swing_forward(recording, slice(0, 800), LIMB, passive)
     measured = measured_motion(recording, slice(0, 800))
     assert angles_apart(predicted.rotations, measured.rotations).max() < 2e-5
@@ -142,7 +142,7 @@ def test_what_acts_is_found_though_the_inertia_is_off(ball, name, form, friction
 
 @pytest.mark.parametrize("kind", ["hinge", "ball"])
 def test_mujoco_swings_as_predicted(kind):
-    joint = mechanical_joint(kind, 0.08, 1.2, seed=3, seconds=12.0)
+    joint = mechanical_joint(kind, 0.08, 1.2, seed=3, experiment=JointExperiment(seconds=12.0))
     comparison = compare_passive_laws(joint.exact_swings(), QUICK)
     assert comparison.chosen.name == "viscosity + stiffness"
     assert comparison.chosen.coefficients["viscosity"].value == pytest.approx(0.08, rel=1e-4)
@@ -153,7 +153,9 @@ def test_mujoco_swings_as_predicted(kind):
 
 def test_a_spring_that_is_slack_elsewhere_is_found_there():
     rest = [0.1, -0.05, 0.1]
-    joint = mechanical_joint("ball", 0.05, 2.0, seed=1, rest=rest, seconds=12.0)
+    joint = mechanical_joint(
+        "ball", 0.05, 2.0, seed=1, experiment=JointExperiment(rest=rest, seconds=12.0)
+    )
     comparison = compare_passive_laws(joint.exact_swings(), QUICK)
     found = comparison.chosen.coefficients
     assert comparison.chosen.name == "viscosity + stiffness"
@@ -170,7 +172,7 @@ def test_a_spring_that_is_slack_elsewhere_is_found_there():
 
 
 def test_a_measured_swing_keeps_to_viscosity_where_that_is_all():
-    joint = mechanical_joint("hinge", 0.06, 0.0, seed=5, seconds=20.0)
+    joint = mechanical_joint("hinge", 0.06, 0.0, seed=5, experiment=JointExperiment(seconds=20.0))
     comparison = compare_passive_laws(joint.swings(), QUICK)
     assert comparison.chosen.name == "viscosity"
     assert comparison.chosen is comparison.fits[0]

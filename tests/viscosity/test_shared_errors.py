@@ -22,7 +22,7 @@ from myomorph.swings.viscosity.identification.shared_errors import with_shared_e
 from myomorph.swings.viscosity.study.options import StudyOptions
 from myomorph.swings.viscosity.study.tables import viscosity_tables
 from myomorph.swings.viscosity.study.template import write_template
-from truths.mechanical_joint import mechanical_joint
+from truths.mechanical_joint import JointExperiment, mechanical_joint
 
 OPTIONS = ViscosityOptions(draws=50, stiffness=False)
 BARE = Made(damping=0.05)
@@ -81,7 +81,7 @@ def test_an_instrument_that_is_off_is_in_the_interval_that_knows_of_it_only(
 
 @pytest.fixture(scope="module")
 def joint():
-    return mechanical_joint("ball", 0.055, 0.0, seed=4, seconds=15.0)
+    return mechanical_joint("ball", 0.055, 0.0, seed=4, experiment=JointExperiment(seconds=15.0))
 
 
 @pytest.mark.parametrize(

@@ -13,14 +13,16 @@ from myomorph.swings.viscosity.identification.torque import (
     spring_misfit,
 )
 from myomorph.swings.viscosity.swings.sums import swing_sums
-from truths.mechanical_joint import mechanical_joint
+from truths.mechanical_joint import JointExperiment, mechanical_joint
 
 
 @pytest.mark.parametrize(
     ("damping", "stiffness", "rest"), [(0.02, 1.0, (-0.2, 0.4, 0.0)), (0.05, 3.0, (0.3, -0.2, 0.5))]
 )
 def test_viscosity_beside_a_spring_with_another_rest(damping, stiffness, rest) -> None:
-    joint = mechanical_joint("ball", damping, stiffness, 7, seconds=10.0, trials=2, rest=rest)
+    joint = mechanical_joint(
+        "ball", damping, stiffness, 7, experiment=JointExperiment(seconds=10.0, trials=2, rest=rest)
+    )
     found = identify_specimen("joint", joint.exact_swings(), ()).without
     assert found is not None
     assert found.viscosity.value == pytest.approx(damping, rel=1e-3)
@@ -28,7 +30,13 @@ def test_viscosity_beside_a_spring_with_another_rest(damping, stiffness, rest) -
 
 
 def test_counting_from_the_rest_leaves_less_of_the_torque() -> None:
-    joint = mechanical_joint("ball", 0.02, 1.0, 7, seconds=10.0, trials=2, rest=(-0.2, 0.4, 0.0))
+    joint = mechanical_joint(
+        "ball",
+        0.02,
+        1.0,
+        7,
+        experiment=JointExperiment(seconds=10.0, trials=2, rest=(-0.2, 0.4, 0.0)),
+    )
     swings = joint.exact_swings()
     sums = swing_sums(swings)
     parameters = limb_inertia(sums, None, InertiaOptions()).parameters
@@ -40,7 +48,9 @@ def test_counting_from_the_rest_leaves_less_of_the_torque() -> None:
 
 
 def test_without_a_spring_nothing_moves_the_viscosity() -> None:
-    joint = mechanical_joint("ball", 0.05, 0.0, 3, seconds=10.0, trials=2)
+    joint = mechanical_joint(
+        "ball", 0.05, 0.0, 3, experiment=JointExperiment(seconds=10.0, trials=2)
+    )
     found = identify_specimen("joint", joint.swings(8.0), ()).without
     assert found is not None
     assert found.viscosity.value == pytest.approx(0.05, rel=0.03)

@@ -14,7 +14,7 @@ from myomorph.swings.viscosity.trust.checks import (
     plate_zero,
     recording_findings,
 )
-from truths.mechanical_joint import mechanical_joint
+from truths.mechanical_joint import JointExperiment, mechanical_joint
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,9 @@ def test_too_few_swings_are_named(sound):
 
 
 def test_a_swing_too_small_is_named():
-    joint = mechanical_joint("ball", 0.03, 0.0, seed=4, seconds=10.0, swing=0.004)
+    joint = mechanical_joint(
+        "ball", 0.03, 0.0, seed=4, experiment=JointExperiment(seconds=10.0, swing=0.004)
+    )
     condition = identify_specimen(
         "still", joint.swings(), [], options=ViscosityOptions(draws=60)
     ).without
@@ -80,7 +82,7 @@ def test_a_swing_too_small_is_named():
 
 
 def test_an_axis_that_does_not_turn_is_named():
-    joint = mechanical_joint("ball", 0.05, 0.0, seed=4, seconds=20.0)
+    joint = mechanical_joint("ball", 0.05, 0.0, seed=4, experiment=JointExperiment(seconds=20.0))
     condition = identify_specimen(
         "wide", joint.swings(), [], options=ViscosityOptions(draws=60)
     ).without

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from swung_specimen import arm_specimen, swing
+from swung_specimen import Release, arm_specimen, swing
 
 from myomorph.core.contact.plate_placements import MarkedWeight
 from myomorph.core.io.c3d.write import write_c3d
@@ -50,7 +50,7 @@ def swung(tmp_path_factory):
     folder = tmp_path_factory.mktemp("swing")
     specimen = arm_specimen()
     write_osim(specimen.model, folder / "arm.osim")
-    return folder, specimen, swing(specimen, seconds=2.0)
+    return folder, specimen, swing(specimen, Release(seconds=2.0))
 
 
 def whole(wrenches):

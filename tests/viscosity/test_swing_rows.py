@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from swung_specimen import HELD, Swung, arm_specimen, limb_parameters, swing
+from swung_specimen import HELD, Release, Swung, arm_specimen, limb_parameters, swing
 
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.series import Markers, Motion, Wrenches
@@ -38,7 +38,7 @@ PLAIN = TrackingOptions(clock=False, find_contact=False)
 
 @lru_cache(maxsize=1)
 def swung() -> Swung:
-    return swing(SPECIMEN, seconds=6.0)
+    return swing(SPECIMEN, Release(seconds=6.0))
 
 
 @lru_cache(maxsize=1)
@@ -164,8 +164,8 @@ def test_a_gap_of_the_plate_is_left_out_too():
 
 
 def test_releases_within_a_trial_and_the_hand_between_them():
-    first = swing(SPECIMEN, seconds=4.0)
-    second = swing(SPECIMEN, release=(-0.5, 0.1, 0.4), seconds=6.0, hold=1.5)
+    first = swing(SPECIMEN, Release(seconds=4.0))
+    second = swing(SPECIMEN, Release(turned=(-0.5, 0.1, 0.4), seconds=6.0, hold=1.5))
     trial = noisy(joined(first.trial, second.trial))
     tracked = track(SPECIMEN, [trial], TrackingOptions(clock=False))
     touched = tracked.trials[0].touched
@@ -203,7 +203,7 @@ def test_hands_are_found_whatever_the_plate_was_tared_with():
 
 @pytest.mark.parametrize(("offset", "drift"), [(0.03, 4e-5), (-0.7, 0.0)])
 def test_the_plates_clock_is_found_and_corrected(offset, drift):
-    truth = swing(SPECIMEN, seconds=12.0, hold=1.0)
+    truth = swing(SPECIMEN, Release(seconds=12.0, hold=1.0))
     time = truth.trial.wrenches.time
     other = replace(truth.trial.wrenches, time=(time - offset) / (1.0 + drift))
     tracked = track(SPECIMEN, [noisy(replace(truth.trial, wrenches=other))])

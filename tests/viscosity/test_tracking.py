@@ -11,7 +11,7 @@ from functools import lru_cache, partial
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from swung_specimen import HELD, Swung, arm_model, arm_specimen, markers_of, swing
+from swung_specimen import HELD, Release, Swung, arm_model, arm_specimen, markers_of, swing
 
 from myomorph.core.io.formats import read_model
 from myomorph.core.model.arrays import Array
@@ -31,7 +31,7 @@ SPECIMEN = arm_specimen()
 
 @lru_cache(maxsize=1)
 def swung() -> Swung:
-    return swing(SPECIMEN, seconds=3.0)
+    return swing(SPECIMEN, Release(seconds=3.0))
 
 
 def with_markers(trial: SwingTrial, change) -> SwingTrial:

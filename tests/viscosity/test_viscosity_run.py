@@ -182,8 +182,16 @@ def test_options_come_from_their_tables():
     assert options.plain["filter"] == {"cutoff": 6.0}
 
 
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Work in a folder that has a recording without forces."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "lone.trc").write_text("")
+    return tmp_path
+
+
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         ([], "give a study file, or --model with --intact and --removed"),
         (["STUDY", "--model", "arm.osim"], "but not both"),
@@ -200,17 +208,13 @@ def test_options_come_from_their_tables():
         ),
     ],
 )
-def test_what_is_wrong_is_one_line_and_status_2(
-    arguments, told, study, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "lone.trc").write_text("")
+def test_what_is_wrong_is_one_line_and_status_2(arguments, message, study, folder, capsys):
     arguments = [str(study) if one == "STUDY" else one for one in arguments]
     assert main(["viscosity", *arguments, "--out", "out"]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
-    assert told in said
-    assert not (tmp_path / "out").exists()
+    printed = capsys.readouterr().err
+    assert printed.count("\n") == 1
+    assert message in printed
+    assert not (folder / "out").exists()
 
 
 def test_files_that_cannot_be_read_are_named_specimen_by_specimen(study, tmp_path):

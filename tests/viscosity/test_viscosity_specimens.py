@@ -10,7 +10,7 @@ import json
 
 import numpy as np
 import pytest
-from swung_specimen import arm_specimen, swing
+from swung_specimen import Release, arm_specimen, swing
 
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.osim.write import write_osim
@@ -67,7 +67,7 @@ def ran(tmp_path_factory):
     for condition, damping in (("bare", JOINT), ("full", TOTAL)):
         for i, release in enumerate(RELEASES, 1):
             swung = swings[condition] = swing(
-                specimen, release=release, seconds=6.0, damping=damping
+                specimen, Release(turned=release, seconds=6.0, damping=damping)
             )
             write_swing(swung, folder / f"{condition}{i}")
             weight = swung.trial.wrenches.forces[:, 0].mean(axis=0)

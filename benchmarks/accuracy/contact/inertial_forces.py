@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from tests.sensor_files import write_orientations
-from tests.truths.simulated_sensors import SensorErrors, SimulatedSensors, simulated_sensors
+from tests.truths.simulated_sensors import Mounting, SensorErrors, SimulatedSensors, mounted_sensors
 
 import myomorph as mm
 from benchmarks.errors import rms
@@ -71,7 +71,9 @@ def by_sensors(
     hidden = opened(folder, case)
     model = hidden.model
     truth = tracked(folder, case, hidden.model)
-    made = simulated_sensors(model, truth, BODIES, SensorErrors(), seed, accelerometers=True)
+    made = mounted_sensors(
+        model, truth, Mounting(bodies=BODIES, accelerometers=True), SensorErrors(), seed
+    )
     found = sensor_kinematics(model, SensorRecording(made.sensors, pose=made.pose))
     felt = (
         trunk_acceleration(model, found.mounting, found.sensors, truth.time)

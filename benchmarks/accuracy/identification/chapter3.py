@@ -35,6 +35,7 @@ from truths.simulated_bodies import many_coordinates
 from truths.simulated_engines import SimbodyEngine
 from truths.simulated_subject import (
     Instruments,
+    Movement,
     exciting_curves,
     middles_and_reaches,
     random_subject,
@@ -249,7 +250,10 @@ def simulated(folder: Path, data: Path, durations: tuple[float, float] = DURATIO
         zip(("exciting", "other"), curves, durations, strict=True), 5
     ):
         recording = record(
-            subject, engine, names, curve, duration, Instruments(rate=RATE, seed=seed)
+            subject,
+            engine,
+            Movement(names=names, curves=curve, duration=duration),
+            Instruments(rate=RATE, seed=seed),
         )
         write_trc(recording.markers, folder / f"{name}.trc")
         write_external_loads(recording.wrenches, folder / f"{name}.mot", folder / f"{name}.xml")

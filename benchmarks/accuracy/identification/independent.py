@@ -44,6 +44,7 @@ from truths.simulated_bodies import many_coordinates
 from truths.simulated_engines import SimbodyEngine
 from truths.simulated_subject import (
     Instruments,
+    Movement,
     Recording,
     Subject,
     exciting_curves,
@@ -156,7 +157,9 @@ def _recordings(model: mm.Model, seed: int) -> Iterator[Recording]:
     )
     for number, (curve, seconds) in enumerate(zip(curves, SECONDS, strict=True)):
         instruments = Instruments(rate=RATE, seed=100 * seed + number)
-        yield record(subject, engine, names, curve, seconds, instruments)
+        yield record(
+            subject, engine, Movement(names=names, curves=curve, duration=seconds), instruments
+        )
 
 
 def _seen(model: mm.Model, person: mm.Model, made: Recording, skin: Skin | None) -> Usable:

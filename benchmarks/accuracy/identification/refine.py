@@ -50,6 +50,7 @@ from truths.simulated_bodies import TETRAHEDRON
 from truths.simulated_engines import TreeEngine
 from truths.simulated_subject import (
     Instruments,
+    Movement,
     Recording,
     SubjectOptions,
     exciting_curves,
@@ -225,7 +226,12 @@ def simulated(
     engine = TreeEngine(compiled, subject.person)
     names, middles, reaches = middles_and_reaches(subject.person)
     tools = Instruments(rate=50.0, seed=seed)
-    found = record(subject, engine, names, exciting_curves(middles, reaches), seconds, tools)
+    found = record(
+        subject,
+        engine,
+        Movement(names=names, curves=exciting_curves(middles, reaches), duration=seconds),
+        tools,
+    )
     trial = _with_errors(found, truth, seed)
     mass = subject.person.mass
     calibrated = mm.calibrate(

@@ -28,6 +28,7 @@ from truths.simulated_bodies import full_body, many_coordinates
 from truths.simulated_engines import Engine, SimbodyEngine, TreeEngine
 from truths.simulated_subject import (
     Instruments,
+    Movement,
     Recording,
     Subject,
     exciting_curves,
@@ -92,10 +93,21 @@ def trials(case: Case, folder: Path, free: bool, size: Size) -> Trials:
     subject = random_subject(generic)
     engine = engine_of(subject.person)
     names, middles, reaches = middles_and_reaches(subject.person)
-    first = record(subject, engine, names, exciting_curves(middles, reaches), size.exciting)
+    first = record(
+        subject,
+        engine,
+        Movement(names=names, curves=exciting_curves(middles, reaches), duration=size.exciting),
+    )
     curves = step_curves(middles, reaches, size.held_out)
     return Trials(
-        subject, first, record(subject, engine, names, curves, size.held_out, Instruments(seed=6))
+        subject,
+        first,
+        record(
+            subject,
+            engine,
+            Movement(names=names, curves=curves, duration=size.held_out),
+            Instruments(seed=6),
+        ),
     )
 
 

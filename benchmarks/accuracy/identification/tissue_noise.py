@@ -31,6 +31,7 @@ from truths.simulated_engines import TreeEngine
 from truths.simulated_subject import (
     Amplitudes,
     Instruments,
+    Movement,
     Recording,
     Subject,
     SubjectOptions,
@@ -150,9 +151,11 @@ def simulated_person(seed: int, motion: str = "fast") -> Person:
     recording = record(
         subject,
         TreeEngine(compiled, subject.person),
-        names,
-        exciting_curves(middles, reaches, seed=seed, band=BANDS[motion]),
-        DURATION,
+        Movement(
+            names=names,
+            curves=exciting_curves(middles, reaches, seed=seed, band=BANDS[motion]),
+            duration=DURATION,
+        ),
         Instruments(rate=RATE, seed=seed),
     )
     return Person(subject=subject, recording=recording)

@@ -83,6 +83,7 @@ from myomorph.swings.plate_calibration import calibrate_plate
 from truths.plate_checks import pose_deviations
 from truths.simulated_muscles import (
     Errors,
+    Laboratory,
     all_recorded,
     as_degroote,
     smooth_activations,
@@ -561,7 +562,8 @@ def _gains(model: mm.Model, seed: int) -> Covered:
     motions = [swings(model, personalize.ARM, clock, rng)]
     activations = smooth_activations(clock, len(model.muscles), rng, 0.7)
     gains = some_gains(model, GAINS, rng)
-    (trial,) = all_recorded(model, model, motions, [activations], GAINS, rng, gains)
+    laboratory = Laboratory(errors=GAINS, gains=gains, rng=rng)
+    (trial,) = all_recorded(model, model, motions, [activations], laboratory)
     envelopes = activations / np.array([gains[name] for name in model.muscle_names])
     envelopes = envelopes * (1.0 + 0.1 * alike_noise(clock, envelopes.shape, rng))
     emg = mm.Emg(clock, model.muscle_names, np.maximum(envelopes, 0.0))

@@ -14,7 +14,7 @@ from myomorph.swings.viscosity.tracking.track import track
 from myomorph.swings.viscosity.tracking.tracked import swing_recordings
 from myomorph.swings.viscosity.trust.cutoff import choose_cutoff
 from myomorph.swings.viscosity.trust.models import PassiveOptions, compare_passive_laws
-from truths.mechanical_joint import mechanical_joint
+from truths.mechanical_joint import JointExperiment, mechanical_joint
 
 SECONDS = 15.0
 JOINTS = 16
@@ -71,9 +71,7 @@ def _joint(kind: Kind, seed: int) -> dict[str, Covered]:
         damping,
         0.0,
         seed,
-        seconds=SECONDS,
-        friction=kind.friction,
-        spin=kind.spin,
+        experiment=JointExperiment(seconds=SECONDS, friction=kind.friction, spin=kind.spin),
     )
     specimen = build_specimen(made.model, SpecimenNames("base", "limb", joint=kind.joint))
     trials = [SwingTrial(one.name, one.markers, one.wrenches) for one in made.trials]

@@ -24,6 +24,7 @@ from myomorph.core.motion.emg_activation import USUAL
 from myomorph.core.tension.emg_targets import EmgOptions, emg_targets
 from truths.simulated_muscles import (
     Errors,
+    Laboratory,
     Spread,
     all_recorded,
     as_degroote,
@@ -212,7 +213,8 @@ def recorded_person(model: mm.Model, case: Case, rng: np.random.Generator) -> Re
     if case.measured is not None:
         gains = {name: gain for name, gain in gains.items() if name in case.measured}
     activations = [smooth_activations(time, muscles, rng, case.most) for _ in motions]
-    trials = all_recorded(model, own, motions, activations, case.errors, rng, gains)
+    laboratory = Laboratory(errors=case.errors, gains=gains, rng=rng)
+    trials = all_recorded(model, own, motions, activations, laboratory)
     if case.passive:
         trials.append(passive_trial(model, own, case.ranges, rng))
     return RecordedPerson(own, trials, gains)

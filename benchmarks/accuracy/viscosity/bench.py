@@ -20,7 +20,7 @@ from myomorph.lab.cli.program import main
 from myomorph.swings.simulate.laboratory import Noise
 from myomorph.swings.viscosity.study.specimen_step import read_specimen
 from truths.bench_joint import write_bench
-from truths.mechanical_joint import mechanical_joint
+from truths.mechanical_joint import JointExperiment, mechanical_joint
 
 Row = dict[str, object]
 
@@ -98,12 +98,14 @@ def bench_run(kind: Kind, seed: int) -> BenchRun:
         damping,
         0.0,
         seed,
-        seconds=SECONDS,
-        trials=kind.trials,
-        noise=Noise(offset=float(random.uniform(-0.02, 0.02))),
-        spin=kind.spin,
-        friction=kind.friction,
-        axis=axis,
+        experiment=JointExperiment(
+            seconds=SECONDS,
+            trials=kind.trials,
+            noise=Noise(offset=float(random.uniform(-0.02, 0.02))),
+            spin=kind.spin,
+            friction=kind.friction,
+            axis=axis,
+        ),
     )
     with tempfile.TemporaryDirectory() as folder:
         study = write_bench(joint, Path(folder) / "bench", seed)

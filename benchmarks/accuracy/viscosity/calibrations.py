@@ -23,7 +23,7 @@ from myomorph.core.surfaces.rigid_registration import register_surface
 from myomorph.swings.plate_calibration import calibrate_plate, nominal_pose
 from myomorph.swings.plate_pose import LineResiduals, Misfits
 from myomorph.swings.viscosity.swings.plate import wrench_clock
-from truths.handle_sensor import fit_handle, grip_point, object_motion
+from truths.handle_sensor import HandleForce, fit_handle, grip_point, object_motion
 from truths.plate_checks import check_plate, pose_deviations
 
 Row = dict[str, object]
@@ -408,7 +408,7 @@ def measure_handle(folder: Path) -> Iterator[Row]:
         ("one", 6.0, None),
     ):
         motion = object_motion(markers, names, cutoff)
-        found = fit_handle(motion, held, own, wrench[:, :3], GRAVITY, cutoff, each)
+        found = fit_handle(motion, held, HandleForce(time=own, values=wrench[:, :3]), GRAVITY, each)
         yield {
             "hands": hands,
             "cut-off [Hz]": cutoff,

@@ -15,7 +15,7 @@ from myomorph.swings.viscosity.identification.identify import (
     ViscosityOptions,
     identify_specimen,
 )
-from truths.mechanical_joint import VirtualJoint, mechanical_joint
+from truths.mechanical_joint import JointExperiment, VirtualJoint, mechanical_joint
 
 Row = dict[str, object]
 
@@ -45,7 +45,11 @@ def measure() -> Iterable[Row]:
         damping = (0.02, 0.06, 0.2)[seed % 3]
         spring = 0.0 if seed % 4 < 2 else 2.0
         joint = mechanical_joint(
-            "ball" if seed % 2 else "hinge", damping, spring, seed, seconds=SECONDS, trials=TRIALS
+            "ball" if seed % 2 else "hinge",
+            damping,
+            spring,
+            seed,
+            experiment=JointExperiment(seconds=SECONDS, trials=TRIALS),
         )
         swings = joint.swings(CUTOFF)
         for name, options in METHODS.items():

@@ -47,6 +47,7 @@ from truths.mechanical_joint import (
     LIMB_MARKERS,
     PLATE,
     STEP,
+    JointExperiment,
     VirtualJoint,
     mechanical_joint,
 )
@@ -238,7 +239,9 @@ def rubbing_joint(truth: Resistance, seed: int) -> VirtualJoint:
 
     It has damper and spring besides.
     """
-    joint = mechanical_joint(truth.kind, truth.viscosity, truth.stiffness, seed, seconds=20.0)
+    joint = mechanical_joint(
+        truth.kind, truth.viscosity, truth.stiffness, seed, experiment=JointExperiment(seconds=20.0)
+    )
     compiled = mujoco.MjModel.from_xml_string(joint.mjcf)
     compiled.dof_frictionloss[:] = truth.coulomb
     compiled.dof_dampingpoly[:, 0] = truth.quadratic

@@ -50,7 +50,7 @@ def joint_run(seed: int) -> JointRun:
     from myomorph.swings.viscosity.tracking.track import track
     from myomorph.swings.viscosity.tracking.tracked import swing_recordings
     from myomorph.swings.viscosity.trust.cutoff import choose_cutoff
-    from truths.mechanical_joint import mechanical_joint
+    from truths.mechanical_joint import JointExperiment, mechanical_joint
 
     random = np.random.default_rng(seed)
     kind: Literal["hinge", "ball"] = "ball" if seed % 2 else "hinge"
@@ -58,7 +58,11 @@ def joint_run(seed: int) -> JointRun:
     stiffness = 0.0 if seed % 5 == 0 else float(random.uniform(0.0, 5.0))
     noise = Noise(offset=random.uniform(-0.02, 0.02))
     joint = mechanical_joint(
-        kind, damping, stiffness, seed, seconds=SECONDS, trials=TRIALS, noise=noise
+        kind,
+        damping,
+        stiffness,
+        seed,
+        experiment=JointExperiment(seconds=SECONDS, trials=TRIALS, noise=noise),
     )
     specimen = build_specimen(joint.model, SpecimenNames("base", "limb", joint=kind))
     tracked = track(

@@ -11,7 +11,7 @@ from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.cli import main
 from myomorph.lab.session.recordings import files_of, look_at
 from sensor_files import write_orientations
-from truths.simulated_sensors import NO_ERRORS, simulated_sensors
+from truths.simulated_sensors import NO_ERRORS, Mounting, mounted_sensors
 
 BODIES = ("pelvis", "torso", "femur_r", "tibia_r", "calcn_r", "femur_l", "tibia_l", "calcn_l")
 HEIGHT = 1.80
@@ -37,8 +37,11 @@ def walk(data):
     motion = mm.Motion(
         known.time, model.coordinate_names, compile_tree(model).coordinates_of(known)
     )
-    return motion, simulated_sensors(
-        model, motion, BODIES, NO_ERRORS, mounted=np.tile(np.eye(3), (len(BODIES), 1, 1))
+    return motion, mounted_sensors(
+        model,
+        motion,
+        Mounting(bodies=BODIES, rotations=np.tile(np.eye(3), (len(BODIES), 1, 1))),
+        NO_ERRORS,
     )
 
 

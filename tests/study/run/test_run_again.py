@@ -52,7 +52,7 @@ ALL = '"ik", "id", "report"'
 EVERY = '"ik", "id", "muscles", "tension", "report"'
 
 
-def run(arm, trials=1, cutoff=6, preset="", out=None, steps='"ik", "id"', **given):
+def _run(arm, trials=1, cutoff=6, preset="", out=None, steps='"ik", "id"', **given):
     names = [f"reach{index}" for index in range(trials)]
     for name in names:
         if not (arm.folder / f"{name}.trc").exists():
@@ -82,8 +82,8 @@ def test_workers_write_what_this_process_writes(arm, dated, tmp_path):
     """Byte for byte, tables, results and reports."""
     there = tmp_path / "there"
     here = tmp_path / "here"
-    by_workers = run(arm, 2, out=there, steps=ALL, workers=LocalWorkers(2))
-    by_this = run(arm, 2, out=here, steps=ALL)
+    by_workers = _run(arm, 2, out=there, steps=ALL, workers=LocalWorkers(2))
+    by_this = _run(arm, 2, out=here, steps=ALL)
     assert [one.error for one in by_workers] == [one.error for one in by_this] == ["", ""]
     assert [one.key for one in by_workers] == [one.key for one in by_this]
     found = contents(there)
@@ -102,7 +102,7 @@ def finished(tmp_path_factory):
     arm = example_files(tmp_path_factory.mktemp("finished"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", DATE)
-        run(arm, trials=2, steps=ALL)
+        _run(arm, trials=2, steps=ALL)
     return arm, contents(arm.out)
 
 
@@ -112,7 +112,7 @@ def whole(tmp_path_factory):
     arm = example_files(tmp_path_factory.mktemp("whole"))
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("SOURCE_DATE_EPOCH", DATE)
-        run(arm, steps=EVERY)
+        _run(arm, steps=EVERY)
     return arm, contents(arm.out)
 
 
@@ -135,21 +135,21 @@ def test_an_interrupted_run_ends_with_the_same_bytes(
         else:
             patch.setattr(module, "_report", interrupted)
         with pytest.raises((KeyboardInterrupt, BadFile)):
-            run(arm, out=tmp_path / "halves", steps=EVERY)
-    (outcome,) = run(arm, out=tmp_path / "halves", steps=EVERY)
+            _run(arm, out=tmp_path / "halves", steps=EVERY)
+    (outcome,) = _run(arm, out=tmp_path / "halves", steps=EVERY)
     assert outcome.error == ""
     assert contents(tmp_path / "halves") == expected
     assert not list((tmp_path / "halves").rglob(".*"))
 
 
 def test_nothing_is_written_where_nothing_has_changed(arm):
-    run(arm, 2, steps=ALL)
+    _run(arm, 2, steps=ALL)
     before = {
         path: path.stat().st_mtime_ns
         for path in arm.out.rglob("*")
         if path.is_file() and "reach" in str(path)
     }
-    outcomes = run(arm, 2, steps=ALL)
+    outcomes = _run(arm, 2, steps=ALL)
     assert [one.reused for one in outcomes] == [("ik", "id", "report")] * 2
     assert [one.timed for one in outcomes] == [()] * 2
     assert outcomes[0].frames == 61
@@ -158,18 +158,18 @@ def test_nothing_is_written_where_nothing_has_changed(arm):
 
 
 def test_what_changed_is_named_and_only_that_computed(arm):
-    run(arm, 2)
-    outcomes = run(arm, 2, cutoff=5)
+    _run(arm, 2)
+    outcomes = _run(arm, 2, cutoff=5)
     assert [one.reused for one in outcomes] == [("ik",)] * 2
     assert [one.changed for one in outcomes] == [("id.cutoff 6.0 -> 5.0",)] * 2
     text = (arm.folder / "reach1.trc").read_text()
     (arm.folder / "reach1.trc").write_text(text + "\n")
-    first, second = run(arm, 2, cutoff=5)
+    first, second = _run(arm, 2, cutoff=5)
     assert first.reused == ("ik", "id")
     assert second.reused == ()
     assert second.changed == ("markers reach1.trc has changed",)
     arm.model.write_text(arm.model.read_text().replace("800", "900"))
-    outcomes = run(arm, 2, cutoff=5)
+    outcomes = _run(arm, 2, cutoff=5)
     assert [one.changed for one in outcomes] == [("model arm.osim has changed",)] * 2
     assert "because model arm.osim has changed" in (arm.out / "study.log").read_text(
         encoding="utf-8"
@@ -177,18 +177,18 @@ def test_what_changed_is_named_and_only_that_computed(arm):
 
 
 def test_another_look_makes_only_the_report_again(arm):
-    run(arm, steps=ALL)
+    _run(arm, steps=ALL)
     page = arm.out / "s01" / "reach0" / "report.html"
     before = page.read_text(encoding="utf-8")
-    (outcome,) = run(arm, preset="gait", steps=ALL)
+    (outcome,) = _run(arm, preset="gait", steps=ALL)
     assert outcome.reused == ("ik", "id")
     assert [step for step, _ in outcome.timed] == ["report"]
     assert page.read_text(encoding="utf-8") != before
-    assert run(arm, preset="gait", steps=ALL)[0].reused == ("ik", "id", "report")
+    assert _run(arm, preset="gait", steps=ALL)[0].reused == ("ik", "id", "report")
 
 
 def test_the_report_shows_the_muscles_of_the_study_file(arm):
-    run(arm, preset="gait", steps=EVERY)
+    _run(arm, preset="gait", steps=EVERY)
     path = arm.folder / "study.toml"
     path.write_text(path.read_text() + 'muscles = ["flexor", "Psoas"]\n')
     (outcome,) = run_study(read_plan(path), arm.out)
@@ -200,10 +200,10 @@ def test_the_report_shows_the_muscles_of_the_study_file(arm):
 
 def test_results_do_not_outlive_the_steps_that_now_fail(arm):
     """What an earlier run found must not stand beside an error as if it were this run's."""
-    run(arm)
+    _run(arm)
     arm.loads.write_text(arm.loads.read_text().replace(">fore<", ">leg<"))
     (arm.folder / "reach0_external_loads.xml").write_text(arm.loads.read_text())
-    (outcome,) = run(arm)
+    (outcome,) = _run(arm)
     assert outcome.reused == ("ik",)
     assert outcome.error.startswith("id: ")
     stored = module.store.stored_provenance(arm.out / "s01" / "reach0" / "reach0.nc")
@@ -211,8 +211,8 @@ def test_results_do_not_outlive_the_steps_that_now_fail(arm):
 
 
 def test_fresh_computes_all(arm):
-    run(arm)
-    (outcome,) = run(arm, fresh=True)
+    _run(arm)
+    (outcome,) = _run(arm, fresh=True)
     assert outcome.reused == outcome.changed == ()
 
 
@@ -222,10 +222,10 @@ def test_a_model_that_changes_while_the_study_runs(arm):
     def change(outcome):
         arm.model.write_text(arm.model.read_text() + "\n")
 
-    first, second = run(arm, 2, report=change)
+    first, second = _run(arm, 2, report=change)
     assert first.error == ""
     assert "has changed while the study ran" in second.error
-    assert all(one.error == "" for one in run(arm, 2))
+    assert all(one.error == "" for one in _run(arm, 2))
 
 
 def test_leftovers_of_a_killed_process_are_removed(arm):
@@ -235,7 +235,7 @@ def test_leftovers_of_a_killed_process_are_removed(arm):
     (home / ".report.html.part").write_text("half")
     (home / "notes.txt").write_text("the user's own")
     (home / ".hidden").write_text("the user's own")
-    run(arm)
+    _run(arm)
     assert sorted(path.name for path in home.glob(".*")) == [".hidden"]
     assert (home / "notes.txt").exists()
 
@@ -251,27 +251,27 @@ def test_a_full_disk_stops_the_study(arm, monkeypatch):
         return ik.run(*given)
 
     monkeypatch.setattr(f"{STEPS['trial']['ik']}.STEP", replace(ik, run=full))
-    outcomes = run(arm, 3)
+    outcomes = _run(arm, 3)
     assert outcomes[0].error == ""
     assert outcomes[1].error.startswith("ik: no space is left")
     assert [one.error[:22] for one in outcomes[2:3]] == ["not run: no space is l"]
     assert len(calls) == 2
     assert not any(one.fault for one in outcomes)
     monkeypatch.setattr(f"{STEPS['trial']['ik']}.STEP", ik)
-    assert [one.error for one in run(arm, 3)] == [""] * 3
+    assert [one.error for one in _run(arm, 3)] == [""] * 3
 
 
 def test_two_runs_at_once(arm):
     def second(outcome):
         with pytest.raises(BadData, match=f"process {os.getpid()} on"):
-            run(arm)
+            _run(arm)
 
-    assert run(arm, report=second)[0].error == ""
+    assert _run(arm, report=second)[0].error == ""
 
 
 def test_the_log_and_the_times(arm):
-    run(arm, 2)
-    run(arm, 2, cutoff=5)
+    _run(arm, 2)
+    _run(arm, 2, cutoff=5)
     lines = (arm.out / "study.log").read_text(encoding="utf-8").splitlines()
     assert sum("done s01/reach0: computed ik id;" in line for line in lines) == 1
     assert (
@@ -291,14 +291,14 @@ def test_the_log_and_the_times(arm):
 
 
 def test_steps_held_in_memory_give_the_same_bytes(arm, dated, tmp_path, monkeypatch):
-    run(arm, out=tmp_path / "held", steps=ALL)
+    _run(arm, out=tmp_path / "held", steps=ALL)
     monkeypatch.setattr(module, "HELD_FRAMES", 0)
-    run(arm, out=tmp_path / "written", steps=ALL)
+    _run(arm, out=tmp_path / "written", steps=ALL)
     assert contents(tmp_path / "held") == contents(tmp_path / "written")
 
 
 def test_no_subject_can_have_the_name_of_a_file_of_the_study(arm):
-    run(arm)
+    _run(arm)
     assert {path.name for path in arm.out.iterdir() if path.is_file()} <= set(OF_STUDY)
 
 
@@ -316,9 +316,9 @@ def test_no_worker_begins_where_nothing_has_changed(arm):
         def close(self):
             pass
 
-    first = run(arm, trials=3, steps=ALL)
+    first = _run(arm, trials=3, steps=ALL)
     before = contents(arm.out)
-    again = run(arm, trials=3, steps=ALL, workers=Idle())
+    again = _run(arm, trials=3, steps=ALL, workers=Idle())
     assert [one.reused for one in again] == [("ik", "id", "report")] * 3
     assert [(one.done, one.frames, one.rms, one.largest) for one in again] == [
         (one.done, one.frames, one.rms, one.largest) for one in first
@@ -343,18 +343,18 @@ def test_what_was_removed_is_made_again(finished, dated, tmp_path, lost):
     arm, before = finished
     out = Path(shutil.copytree(arm.out, tmp_path / "out"))
     (out / lost).unlink()
-    first, second = run(arm, trials=2, out=out, steps=ALL)
+    first, second = _run(arm, trials=2, out=out, steps=ALL)
     assert first.error == ""
     assert second.reused == ("ik", "id", "report")
     assert contents(out) == before
 
 
 def test_a_table_that_was_altered_is_made_again(arm, dated):
-    run(arm, trials=2)
+    _run(arm, trials=2)
     before = contents(arm.out)
     with (arm.out / "results_tidy.csv").open("a") as stream:
         stream.write("s01,,reach9,ik,frames,1,1\n")
-    run(arm, trials=2)
+    _run(arm, trials=2)
     assert contents(arm.out) == before
 
 
@@ -364,7 +364,7 @@ def test_steps_whose_values_found_no_room_are_not_said_to_be_done(arm, monkeypat
 
     with monkeypatch.context() as patch:
         patch.setattr(module.store, "new_result", full)
-        first = run(arm)[0]
+        first = _run(arm)[0]
     assert "no space is left" in first.error
     assert (first.done, first.timed) == ((), ())
-    assert run(arm)[0].done == ("ik", "id")
+    assert _run(arm)[0].done == ("ik", "id")

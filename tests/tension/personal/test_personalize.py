@@ -27,6 +27,8 @@ from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import BadData, BadModel, UnknownName
 from myomorph.core.model.series import Series
 from truths.simulated_muscles import (
+    Laboratory,
+    Performance,
     Spread,
     as_degroote,
     person,
@@ -54,9 +56,15 @@ def someone(arm26):
     motions = [swings(arm26, ARM, time, rng) for _ in range(3)]
     own = person(arm26, motions, Spread(), rng, np.array([0, 0, 0, 1, 1, 1]))
     gains = some_gains(arm26, CAREFUL, rng)
+    laboratory = Laboratory(errors=CAREFUL, gains=gains, rng=rng)
     trials = [
         recorded(
-            arm26, own, motion, smooth_activations(time, 6, rng), CAREFUL, rng, gains, f"swing {k}"
+            arm26,
+            own,
+            Performance(
+                name=f"swing {k}", motion=motion, activations=smooth_activations(time, 6, rng)
+            ),
+            laboratory,
         )
         for k, motion in enumerate(motions)
     ]
