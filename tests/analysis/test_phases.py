@@ -11,6 +11,10 @@ UP = np.array([0.0, 1.0, 0.0])
 G = 9.80665
 
 
+TAKE_OFF = 1.75
+"""Of the made jump [s]."""
+
+
 def jump(
     rate: float = 1000.0, mass: float = 75.0, noise: float = 3.0
 ) -> tuple[Wrenches, Series, dict[str, float]]:
@@ -19,24 +23,11 @@ def jump(
     The phases are: stand 1 s, dip, push, ballistic flight, land and stand.
     """
     time = np.arange(0.0, 4.0, 1.0 / rate)
-    acceleration = np.zeros_like(time)
-    down = (time >= 1.0) & (time < 1.3)
-    push = (time >= 1.3) & (time < 1.75)
-    acceleration[down] = -5.0 * np.sin(np.pi * (time[down] - 1.0) / 0.3)
-    acceleration[push] = 13.0 * np.sin(np.pi * (time[push] - 1.3) / 0.45)
-    speed = np.cumsum(acceleration) / rate
-    off = 1.75
-    flight = 2.0 * float(speed[push][-1]) / G
-    flying = (time >= off) & (time < off + flight)
-    acceleration[flying] = -G
-    landing = (time >= off + flight) & (time < off + flight + 0.3)
-    acceleration[landing] = (
-        np.pi
-        / 2
-        * float(speed[push][-1])
-        / 0.3
-        * np.sin(np.pi * (time[landing] - off - flight) / 0.3)
-    )
+    before = time < TAKE_OFF
+    acceleration = _pushing(time)
+    fastest = float((np.cumsum(acceleration) / rate)[before][-1])
+    flight = 2.0 * fastest / G
+    _fly_and_land(acceleration, time, fastest, flight)
     speed = np.cumsum(acceleration) / rate
     height = 1.0 + np.cumsum(speed) / rate
     force = mass * (G + acceleration)
@@ -51,17 +42,35 @@ def jump(
         points=np.zeros_like(forces),
         torques=np.zeros_like(forces),
     )
-    before = time < off
     known = {
         "Onset": 1.0,
         "Braking": float(time[np.argmin(speed * before)]),
         "Lowest point": float(time[np.argmin(np.where(before, height, np.inf))]),
-        "Take-off": off,
-        "Landing": off + flight,
-        "height": float(speed[push][-1]) ** 2 / (2 * G),
+        "Take-off": TAKE_OFF,
+        "Landing": TAKE_OFF + flight,
+        "height": fastest**2 / (2 * G),
     }
     com = Series(time, ("x", "y", "z"), np.stack([0 * height, height, 0 * height], axis=1))
     return wrenches, com, known
+
+
+def _pushing(time):
+    """Return the acceleration (frames,) of dip and push, zero elsewhere [m/s^2]."""
+    acceleration = np.zeros_like(time)
+    down = (time >= 1.0) & (time < 1.3)
+    push = (time >= 1.3) & (time < TAKE_OFF)
+    acceleration[down] = -5.0 * np.sin(np.pi * (time[down] - 1.0) / 0.3)
+    acceleration[push] = 13.0 * np.sin(np.pi * (time[push] - 1.3) / 0.45)
+    return acceleration
+
+
+def _fly_and_land(acceleration, time, fastest, flight):
+    """Add flight, and a landing that takes up the speed of take-off [m/s] in 0.3 s."""
+    landing_start = TAKE_OFF + flight
+    acceleration[(time >= TAKE_OFF) & (time < landing_start)] = -G
+    landing = (time >= landing_start) & (time < landing_start + 0.3)
+    since = time[landing] - TAKE_OFF - flight
+    acceleration[landing] = np.pi / 2 * fastest / 0.3 * np.sin(np.pi * since / 0.3)
 
 
 @pytest.mark.parametrize("with_com", [True, False])

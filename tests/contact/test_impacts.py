@@ -107,28 +107,9 @@ def test_an_impulse_over_the_effective_mass_is_the_change_of_velocity():
     point = rng.normal(size=3)
     way = np.array([0.6, 0.0, 0.8])
     motion = at(model, rng.normal(size=7))
-    # The inertia as inverse dynamics tells it, and the accelerations that a force of 1 N alone
-    # causes.
-    zero = np.zeros_like(motion.values)
-    asked = np.vstack([zero, np.eye(7)])
-    still = Motion(
-        time=np.arange(8.0),
-        names=motion.names,
-        values=np.tile(motion.values, (8, 1)),
-        velocities=np.zeros((8, 7)),
-        accelerations=asked,
-    )
-    bare = inverse_dynamics(model, still).values
     tree = compile_tree(model)
     b = np.array([tree.body_index[body]])
     place = forward_kinematics(tree, motion.values).points(b, point[None])[:, 0]
-    held = Motion(
-        time=np.zeros(1),
-        names=motion.names,
-        values=motion.values,
-        velocities=zero,
-        accelerations=zero,
-    )
     load = Wrenches(
         time=np.zeros(1),
         names=("impact",),
@@ -137,12 +118,35 @@ def test_an_impulse_over_the_effective_mass_is_the_change_of_velocity():
         points=place[:, None],
         torques=np.zeros((1, 1, 3)),
     )
-    caused = np.linalg.solve(
-        (bare[1:] - bare[0]).T, bare[0] - inverse_dynamics(model, held, load).values[0]
-    )
+    caused = _caused_accelerations(model, motion, load)
     ahead = forward_kinematics(tree, motion.values + 1e-6 * caused).points(b, point[None])[0, 0]
     mass = effective_mass(model, motion, body, point, way)[0]
     assert 1e-6 / ((ahead - place[0]) @ way) == pytest.approx(mass, rel=1e-4)
+
+
+def _caused_accelerations(model, motion, load):
+    """Return the accelerations (coordinates,) that a load alone causes at rest.
+
+    The inertia is that of inverse dynamics.
+    """
+    count = len(motion.names)
+    still = Motion(
+        time=np.arange(count + 1.0),
+        names=motion.names,
+        values=np.tile(motion.values, (count + 1, 1)),
+        velocities=np.zeros((count + 1, count)),
+        accelerations=np.vstack([np.zeros_like(motion.values), np.eye(count)]),
+    )
+    bare = inverse_dynamics(model, still).values
+    held = Motion(
+        time=np.zeros(1),
+        names=motion.names,
+        values=motion.values,
+        velocities=np.zeros_like(motion.values),
+        accelerations=np.zeros_like(motion.values),
+    )
+    loaded = inverse_dynamics(model, held, load).values[0]
+    return np.linalg.solve((bare[1:] - bare[0]).T, bare[0] - loaded)
 
 
 def test_the_effective_mass_of_a_walkers_hand_is_less_than_its_arm(data):

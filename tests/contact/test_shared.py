@@ -134,13 +134,18 @@ def test_a_plate_of_two_feet_is_shared_however_it_is_given(walk, body):
     assert same.mean() > 0.95
 
 
-def test_a_foot_alone_on_a_shared_plate_has_what_that_measured(walk):
-    """Only while two feet are on a plate its force is divided; else it acts as it was measured."""
-    model, motion, _, wrenches, _ = walk
-    plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
+def _setting_on(walk, plate):
+    """Return the contacts of the walk on one plate whose force is shared."""
+    model, motion = walk[:2]
     plates = outlined(motion.time, plate)
     known = Measurements(recorded=motion, wrenches=plates.wrenches, plates=plates)
-    setting = set_contacts(ContactPlan(measured="shared"), model, motion, known, ContactOptions())
+    return set_contacts(ContactPlan(measured="shared"), model, motion, known, ContactOptions())
+
+
+def test_a_foot_alone_on_a_shared_plate_has_what_that_measured(walk):
+    """Only while two feet are on a plate its force is divided; else it acts as it was measured."""
+    plate = plate_of(walk[3], [0, 1], box(-5.0, 5.0, -5.0, 5.0))
+    setting = _setting_on(walk, plate)
     assert setting.alone is not None
     alone = setting.alone.forces
     assert set(alone.names) == {"foot_r", "foot_l"}
@@ -148,28 +153,25 @@ def test_a_foot_alone_on_a_shared_plate_has_what_that_measured(walk):
     carried = np.abs(alone.forces).any(axis=2)
     assert carried.any(axis=1).mean() > 0.5
     assert carried.sum(axis=1).max() == 1
-    groups = [site.group for site in setting.task.sites]
+    moment = plate.torques + np.cross(np.nan_to_num(plate.points), plate.forces)
+    found = alone.torques + np.cross(alone.points, alone.forces)
     for column, name in enumerate(alone.names):
         frames = carried[:, column]
         assert_allclose(alone.forces[frames, column], plate.forces[frames], atol=1e-9)
-        found = alone.torques + np.cross(alone.points, alone.forces)
-        moment = plate.torques + np.cross(np.nan_to_num(plate.points), plate.forces)
         assert_allclose(found[frames, column], moment[frames], atol=1e-6)
-        members = [k for k, group in enumerate(groups) if group == name]
+        members = [k for k, site in enumerate(setting.task.sites) if site.group == name]
         ready = setting.task.activations.values[np.ix_(frames, members)]
         assert not ready.any(), "nothing is estimated in its place"
-    of_group = {site.name: site.group for site in setting.task.sites}
     for shared in setting.task.measured:
-        assert len({of_group[name] for name in shared.sites}) == 2
+        groups = {site.group for site in setting.task.sites if site.name in shared.sites}
+        assert len(groups) == 2
         assert not (np.isfinite(shared.forces).any(axis=1) & carried.any(axis=1)).any()
 
 
 def test_known_forces_are_shown_at_the_foot_that_bore_them(walk):
-    model, motion, _, wrenches, _ = walk
+    _, motion, _, wrenches, _ = walk
     plate = plate_of(wrenches, [0, 1], box(-5.0, 5.0, -5.0, 5.0))
-    plates = outlined(motion.time, plate)
-    known = Measurements(recorded=motion, wrenches=plates.wrenches, plates=plates)
-    setting = set_contacts(ContactPlan(measured="shared"), model, motion, known, ContactOptions())
+    setting = _setting_on(walk, plate)
     sites = setting.task.sites
     nothing = np.zeros((len(motion), len(sites), 3))
     estimated = ContactForces(
@@ -231,9 +233,26 @@ def test_a_foot_on_two_plates_belongs_to_their_sum_where_it_straddles(walk):
     """
     model, motion, sites, wrenches, contacts = walk
     places = site_motion(model, motion, sites).places
-    right = [k for k, one in enumerate(sites) if one.group == "foot_r"]
+    right = [one.group == "foot_r" for one in sites]
     loaded = wrenches.forces[:, 0, 1] > 0.3 * model.mass * 9.81
     middle = places[loaded][:, right, 0].mean()
+    plates = outlined(motion.time, *_halves(wrenches, middle))
+    found = shared_wrenches(model, motion, sites, contacts, plates, margin=0.3)
+    both = [one.forces for one in found if one.name.startswith("rear + front")]
+    assert both
+    for forces in both:
+        known = np.isfinite(forces).all(axis=1)
+        assert_allclose(forces[known], wrenches.forces[known, 0], atol=1e-9)
+    narrow = shared_wrenches(model, motion, sites, contacts, plates, margin=0.0)
+    assert {one.name.split(" (")[0] for one in narrow} == {"rear", "front"}
+    for one in narrow:
+        known = np.isfinite(one.forces).all(axis=1)
+        ahead = places[known][:, [site.name in one.sites for site in sites], 0] > middle
+        assert ahead.all() if one.name.startswith("front") else not ahead.any()
+
+
+def _halves(wrenches, border):
+    """Split the first force over two plates with a border at x [m]."""
     halves = replace(
         wrenches,
         names=("rear", "front"),
@@ -242,27 +261,11 @@ def test_a_foot_on_two_plates_belongs_to_their_sum_where_it_straddles(walk):
         torques=np.repeat(0.5 * wrenches.torques[:, :1], 2, axis=1),
         points=np.repeat(wrenches.points[:, :1], 2, axis=1),
     )
-    plates = tuple(
+    spans = (("rear", (-5.0, border)), ("front", (border, 5.0)))
+    return tuple(
         within(plate_of(halves, [k], box(*span, -5.0, 5.0), name), *span)
-        for k, (name, span) in enumerate((("rear", (-5.0, middle)), ("front", (middle, 5.0))))
+        for k, (name, span) in enumerate(spans)
     )
-    found = shared_wrenches(
-        model, motion, sites, contacts, outlined(motion.time, *plates), margin=0.3
-    )
-    both = [one for one in found if one.name.startswith("rear + front")]
-    assert both
-    for one in both:
-        known = np.isfinite(one.forces).all(axis=1)
-        assert_allclose(one.forces[known], wrenches.forces[known, 0], atol=1e-9)
-    narrow = shared_wrenches(
-        model, motion, sites, contacts, outlined(motion.time, *plates), margin=0.0
-    )
-    assert {one.name.split(" (")[0] for one in narrow} == {"rear", "front"}
-    for one in narrow:
-        known = np.isfinite(one.forces).all(axis=1)
-        members = [k for k, site in enumerate(sites) if site.name in one.sites]
-        ahead = places[known][:, members, 0] > middle
-        assert ahead.all() if one.name.startswith("front") else not ahead.any()
 
 
 def test_unloaded_plates_tell_nothing(walk):

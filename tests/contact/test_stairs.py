@@ -125,34 +125,53 @@ def walk(noise=0.0, seed=0, made=None, matrix=None):
     channels = []
     for k, step in enumerate(made):
         paw = PAWS[k % 2]
-        start = 0.1 + 0.25 * k
-        stop = 0.1 + 0.25 * k + 0.2
-        inside = (time >= start) & (time < stop)
-        push = np.sin(np.pi * np.clip((time - start) / (stop - start), 0.0, 1.0))
-        force = np.column_stack([0.15 * push * np.cos(6 * time), push, 0.1 * push]) * WEIGHT
-        force[~inside] = 0.0
+        force = _push(time, *_stance(k))
         local = np.array([0.002, 0.01 - 0.005 * k, 0.0])
-        point = step.pose.apply(local)
-        near = (time > start - 0.1) & (time < stop + 0.1)
-        places[paw][near] = point
+        places[paw][_is_near(time, *_stance(k))] = step.pose.apply(local)
         truth[paw] += force
-        own = force @ step.pose.rotation
-        arm = local - step.origin
-        wrench = np.hstack([own, np.cross(arm, own)])
-        picked = wrench[:, [COMPONENTS.index(one) for one in step.measures]]
-        raw = picked if matrix is None else picked @ np.linalg.inv(matrix).T
-        sd = np.array([1.0 if one.startswith("f") else 0.01 for one in step.measures]) * noise
-        channels.append(raw + rng.normal(0.0, 1.0, raw.shape) * sd + 0.3 * WEIGHT)
+        channels.append(
+            _raw_channels(step, force, local, matrix) + _noise(step, noise, rng) + 0.3 * WEIGHT
+        )
     places["trunk"] = 0.5 * (places["paw_r"] + places["paw_l"]) + (0.0, 0.03, 0.0)
-    model = mouse()
-    motion = Motion(
-        time,
-        model.coordinate_names,
-        np.hstack([places["trunk"], *(places[paw] - places["trunk"] for paw in PAWS)]),
-    )
     names = tuple(name for step in made for name in step.channels)
+    recorded = Series(time, names, np.hstack(channels))
+    model = mouse()
+    relative = [places[paw] - places["trunk"] for paw in PAWS]
+    motion = Motion(time, model.coordinate_names, np.hstack([places["trunk"], *relative]))
     sites = tuple(Site(f"{paw}_pad", paw, np.zeros((1, 3))) for paw in PAWS)
-    return model, motion, sites, made, Series(time, names, np.hstack(channels)), truth, places
+    return model, motion, sites, made, recorded, truth, places
+
+
+def _noise(step, noise, rng):
+    """Draw noise (frames, channels) of a step, of moments a hundredth of the forces'."""
+    sd = np.array([1.0 if one.startswith("f") else 0.01 for one in step.measures]) * noise
+    return rng.normal(0.0, 1.0, (FRAMES, len(sd))) * sd
+
+
+def _stance(k):
+    """Return start and stop of the stance on the k-th step [s]."""
+    return 0.1 + 0.25 * k, 0.1 + 0.25 * k + 0.2
+
+
+def _is_near(time, start, stop):
+    """Return whether a paw is already or still over its step, (frames,)."""
+    return (time > start - 0.1) & (time < stop + 0.1)
+
+
+def _push(time, start, stop):
+    """Return the force (frames, 3) of a paw that stands between two times [N]."""
+    push = np.sin(np.pi * np.clip((time - start) / (stop - start), 0.0, 1.0))
+    force = np.column_stack([0.15 * push * np.cos(6 * time), push, 0.1 * push]) * WEIGHT
+    force[(time < start) | (time >= stop)] = 0.0
+    return force
+
+
+def _raw_channels(step, force, local, matrix):
+    """Return what a step's channels measure of a force at a point of the step."""
+    own = force @ step.pose.rotation
+    wrench = np.hstack([own, np.cross(local - step.origin, own)])
+    picked = wrench[:, [COMPONENTS.index(one) for one in step.measures]]
+    return picked if matrix is None else picked @ np.linalg.inv(matrix).T
 
 
 def test_six_axes_give_force_place_and_paw():
@@ -293,26 +312,29 @@ def test_noise_that_hides_loads_is_told():
     assert any("hides loads below" in one for one in loads.notes)
 
 
-def test_two_paws_on_a_step_share_by_the_center_of_pressure():
-    made = [replace(one, size=(0.02, 0.08)) for one in steps()]
-    model, motion, sites, made, channels, _, places = walk(made=made)
+def _both_on_step_0(motion, places):
+    """Put the left paw on step 0 too, as far on the other side of the center of pressure."""
     values = np.array(motion.values)
-    column = motion.names.index("paw_l_x")
     both = (motion.time > 0.1) & (motion.time < 0.3)
-    # The other paw stands on step 0 too, as far on the other side of the center of pressure.
-    values[both, column : column + 3] = (places["paw_r"] - places["trunk"])[both] + (0.0, 0.0, 0.01)
-    shift = motion.names.index("paw_r_x")
-    values[both, shift : shift + 3] = (places["paw_r"] - places["trunk"])[both] - (0.0, 0.0, 0.01)
-    paws = feet_on_steps(
-        model, replace(motion, values=values), sites, step_loads(made, channels, WEIGHT)
+    stands = (places["paw_r"] - places["trunk"])[both]
+    for paw, side in (("paw_l", 1.0), ("paw_r", -1.0)):
+        column = motion.names.index(f"{paw}_x")
+        values[both, column : column + 3] = stands + side * np.array([0.0, 0.0, 0.01])
+    return replace(motion, values=values)
+
+
+def test_two_paws_on_a_step_share_by_the_center_of_pressure():
+    model, motion, sites, made, channels, _, places = walk(
+        made=[replace(one, size=(0.02, 0.08)) for one in steps()]
     )
+    loads = step_loads(made, channels, WEIGHT)
+    paws = feet_on_steps(model, _both_on_step_0(motion, places), sites, loads)
     wrenches, notes = stair_wrenches(paws)
-    assert any("carries paw_r and paw_l together" in one for one in notes)
-    one_paw, two_paw = PAWS
-    one = wrenches.forces[:, wrenches.names.index(f"step0_{one_paw}")]
-    two = wrenches.forces[:, wrenches.names.index(f"step0_{two_paw}")]
-    pressed = one[:, 1] > 0.1 * WEIGHT
-    np.testing.assert_allclose(one[pressed], two[pressed], rtol=0.02, atol=1e-6)
+    assert any("carries paw_r and paw_l together" in note for note in notes)
+    forces = dict(zip(wrenches.names, np.moveaxis(wrenches.forces, 1, 0), strict=True))
+    right = forces["step0_paw_r"]
+    pressed = right[:, 1] > 0.1 * WEIGHT
+    np.testing.assert_allclose(right[pressed], forces["step0_paw_l"][pressed], rtol=0.02, atol=1e-6)
     assert any(set(wrench.sites) == {"paw_r_pad", "paw_l_pad"} for wrench in shared_stairs(paws))
 
 

@@ -25,9 +25,10 @@ def figaroh_combination(model, motion):
 
     theirs, _ = to_pinocchio(model)
     robot = SimpleNamespace(model=theirs, data=theirs.createData())
-    components = ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
     config = RegressorConfig(
-        is_joint_torques=False, is_external_wrench=True, force_torque=components
+        is_joint_torques=False,
+        is_external_wrench=True,
+        force_torque=["Fx", "Fy", "Fz", "Mx", "My", "Mz"],
     )
     q, v, a = map(np.array, zip(*pinocchio_states(model, motion), strict=True))
     W = RegressorBuilder(robot, config).build_basic_regressor(q, v, a)

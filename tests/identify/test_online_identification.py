@@ -43,27 +43,45 @@ def play(
     return online
 
 
+def _filtered_forces(
+    online: OnlineIdentification, wrenches: Wrenches, time: np.ndarray, body: str
+) -> Wrenches:
+    """Return the total wrench on a body at some times, filtered as the stream's.
+
+    Parameters
+    ----------
+    online : with the filter of the forces
+    wrenches : of all plates
+    time : (frames,) [s]
+    body : name
+
+    Returns
+    -------
+    one wrench about the ground's origin
+    """
+    total = online.force_filter.values(
+        total_wrench(wrenches.forces, wrenches.points, wrenches.torques)
+    )
+    half = online.force_filter.half
+    clock = wrenches.time[half:-half]
+    at = np.stack([np.interp(time, clock, column) for column in total.T], axis=1)
+    return Wrenches(
+        time=time,
+        names=("all",),
+        bodies=(body,),
+        forces=at[:, None, 3:],
+        points=np.zeros((len(at), 1, 3)),
+        torques=at[:, None, :3],
+    )
+
+
 def test_frame_by_frame_is_the_batch(walk: tuple[Model, Motion, Wrenches]) -> None:
     """The stream ends where the batch does, with the same filter, frames and noise: to 1e-8."""
     model, motion, wrenches = walk
     online = play(walk, OnlineOptions(cutoff=6.0, missing=1e9))
     part = Motion(motion.time[:120], motion.names, motion.values[:120])
     filtered = online.filter.motion(part)
-    total = online.force_filter.values(
-        total_wrench(wrenches.forces, wrenches.points, wrenches.torques)
-    )
-    half = online.force_filter.half
-    clock = wrenches.time[half:-half]
-    at = np.stack([np.interp(filtered.time, clock, column) for column in total.T], axis=1)
-    zero = np.zeros((len(at), 1, 3))
-    forces = Wrenches(
-        time=filtered.time,
-        names=("all",),
-        bodies=(model.body_names[0],),
-        forces=at[:, None, 3:],
-        points=zero,
-        torques=at[:, None, :3],
-    )
+    forces = _filtered_forces(online, wrenches, filtered.time, model.body_names[0])
     use = np.isin(np.round(filtered.time, 6), np.round(online.used, 6))
     assert use.sum() == len(online.used) > 70
     options = BaseOptions(

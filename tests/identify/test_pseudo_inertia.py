@@ -58,17 +58,9 @@ def by_scs(A, b, reference, mass, options):
     Pseudo-inertias are as they are, the prior is written as rows.
     """
     links = len(reference)
-    P = pseudo_inertias(reference)
     units = pseudo_inertias(np.eye(10))
-    L = np.linalg.cholesky(P)
-    lower = np.linalg.inv(L)
-    triangle = [(i, k) for k in range(4) for i in range(k, 4)]
-    scale = np.array([1.0 if i == k else np.sqrt(2.0) for i, k in triangle])
-
-    def entries(matrices):
-        return scale * np.stack([matrices[..., i, k] for i, k in triangle], axis=-1)
-
-    whitened = [entries(lower[i] @ units @ lower[i].T).T for i in range(links)]
+    lower = np.linalg.inv(np.linalg.cholesky(pseudo_inertias(reference)))
+    whitened = [_entries(lower[i] @ units @ lower[i].T).T for i in range(links)]
     prior = sparse.block_diag(whitened).toarray() / options.mass_sd
     D = np.tile(np.abs(reference).max(axis=0), links)
     rows = np.vstack([A, prior]) * D
@@ -76,7 +68,7 @@ def by_scs(A, b, reference, mass, options):
     total = np.zeros((1, 10 * links))
     total[0, ::10] = 1.0
     cones = np.vstack([total * D, -sparse.block_diag(whitened).toarray() * D])
-    margin = np.tile(entries(options.margin * np.eye(4)), links)
+    margin = np.tile(_entries(options.margin * np.eye(4)), links)
     data = {
         "P": sparse.csc_matrix(np.triu(rows.T @ rows)),
         "c": -rows.T @ target,
@@ -94,6 +86,13 @@ def by_scs(A, b, reference, mass, options):
     found = solver.solve()
     assert found["info"]["status"] == "solved"
     return (D * found["x"]).reshape(links, 10)
+
+
+def _entries(matrices):
+    """Return the lower triangles (..., 10) of symmetric matrices (..., 4, 4), norms kept."""
+    triangle = [(i, k) for k in range(4) for i in range(k, 4)]
+    scale = np.array([1.0 if i == k else np.sqrt(2.0) for i, k in triangle])
+    return scale * np.stack([matrices[..., i, k] for i, k in triangle], axis=-1)
 
 
 def test_same_solution_as_another_solver_and_form(body, reference):

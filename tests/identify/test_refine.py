@@ -180,8 +180,7 @@ def test_gradient_is_that_of_the_cost(problem, soft):
     whole = tangents(at["masses"][problem.masses.mass_prior.moved])[:, 0].ravel()
     equations = linearize(problem, at)
     motion = random.standard_normal(at.motions[0].shape)
-    still = np.zeros(problem.count)
-    directions = [(1e-6 * motion, still)]
+    directions = [(1e-6 * motion, np.zeros(problem.count))]
     for part in (lengths, places, masses):
         one = np.zeros(problem.count)
         one[part] = 1e-5 * random.standard_normal(part.stop - part.start)

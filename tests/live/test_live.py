@@ -22,7 +22,12 @@ from myomorph.lab.study.inputs.reading import open_model
 from myomorph.lab.viewer.web_page import BodyView, half_blocks, open_server
 from myomorph.live.identification import LiveOptions, identify_frames, run_live, source_of
 from myomorph.live.identification_page import Clock, live_markdown, live_panel, move_next
-from myomorph.live.online_identification import OnlineOptions, OnlineState, total_wrench
+from myomorph.live.online_identification import (
+    OnlineIdentification,
+    OnlineOptions,
+    OnlineState,
+    total_wrench,
+)
 from myomorph.live.sequential import SequentialFit
 from myomorph.live.sources import LiveRecording, Replay, open_recording
 from myomorph.live.streams import LabStreams, force_channels, marker_channels
@@ -92,22 +97,7 @@ def test_the_end_is_the_batch(walk: tuple[Model, LiveRecording]) -> None:
     )
     online = result.identification
     filtered = online.filter.motion(result.motion)
-    total = total_wrench(
-        recording.wrenches.forces, recording.wrenches.points, recording.wrenches.torques
-    )
-    half = online.force_filter.half
-    smooth = online.force_filter.values(total)
-    clock = recording.wrenches.time[half:-half]
-    at = np.stack([np.interp(filtered.time, clock, column) for column in smooth.T], axis=1)
-    zero = np.zeros((len(at), 1, 3))
-    forces = Wrenches(
-        time=filtered.time,
-        names=("all",),
-        bodies=(model.body_names[0],),
-        forces=at[:, None, 3:],
-        points=zero,
-        torques=at[:, None, :3],
-    )
+    forces = _filtered_forces(online, recording.wrenches, filtered.time, model.body_names[0])
     use = np.isin(np.round(filtered.time, 6), np.round(online.used, 6))
     assert use.sum() == len(online.used) > 90
     options = BaseOptions(
@@ -123,6 +113,25 @@ def test_the_end_is_the_batch(walk: tuple[Model, LiveRecording]) -> None:
     )
     size = np.maximum(np.abs(batch.estimate), batch.size)
     np.testing.assert_allclose(result.state.fit.estimate / size, batch.estimate / size, atol=1e-8)
+
+
+def _filtered_forces(
+    online: OnlineIdentification, wrenches: Wrenches, time: np.ndarray, body: str
+) -> Wrenches:
+    """Return the total wrench on a body at times (frames,), filtered as the stream's."""
+    total = total_wrench(wrenches.forces, wrenches.points, wrenches.torques)
+    half = online.force_filter.half
+    smooth = online.force_filter.values(total)
+    clock = wrenches.time[half:-half]
+    at = np.stack([np.interp(time, clock, column) for column in smooth.T], axis=1)
+    return Wrenches(
+        time=time,
+        names=("all",),
+        bodies=(body,),
+        forces=at[:, None, 3:],
+        points=np.zeros((len(at), 1, 3)),
+        torques=at[:, None, :3],
+    )
 
 
 def test_what_came_is_kept(walk: tuple[Model, LiveRecording]) -> None:

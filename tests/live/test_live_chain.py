@@ -12,6 +12,7 @@ from live_walk import WALK, played, recorded_walk
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import ForcePlate, Markers, Motion, Trial, Wrenches
+from myomorph.core.motion.causal import CausalFilter
 from myomorph.core.motion.ik import inverse_kinematics
 from myomorph.core.motion.sync import cut
 from myomorph.core.rigid.dynamics import inverse_dynamics
@@ -37,9 +38,7 @@ def test_it_is_the_offline_chain_with_the_same_filter(
     kept = played(model, markers, wrenches)
     filter = LiveChain(model, Replay(markers, wrenches)).filter
     motion = filter.motion(inverse_kinematics(model, markers).motion)
-    parts = (one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques))
-    from_then = np.searchsorted(wrenches.time, markers.time[0] - 1.0)
-    each = filter.values(wrenches.time[from_then:], total_wrench(*parts)[from_then:], markers.time)
+    each = _filtered_wrenches(filter, wrenches, markers.time)
     known = np.isfinite(motion.values).all(axis=1)
     assert known.sum() > 70
     motion = Motion(
@@ -49,25 +48,30 @@ def test_it_is_the_offline_chain_with_the_same_filter(
         velocities=motion.velocities[known],
         accelerations=motion.accelerations[known],
     )
-    zero = np.zeros_like(each[known, :, :3])
     external = Wrenches(
         time=motion.time,
         names=wrenches.names,
         bodies=wrenches.bodies,
         forces=each[known, :, 3:],
-        points=zero,
+        points=np.zeros_like(each[known, :, :3]),
         torques=each[known, :, :3],
     )
     torques = inverse_dynamics(model, motion, external)
     tension = solve_tension(model, motion, torques)
-    states = kept.all("state")
-    assert set(states[known]) == {SOLVED}
-    assert set(states[~known]) == {SETTLING}
+    assert set(kept.all("state")[known]) == {SOLVED}
+    assert set(kept.all("state")[~known]) == {SETTLING}
     np.testing.assert_allclose(kept.all("coordinates")[known], motion.values, atol=3e-5)
     size = np.abs(torques.values).max(axis=0) + 1.0
     np.testing.assert_allclose(kept.all("torques")[known] / size, torques.values / size, atol=2e-3)
     activations = np.array([one.tension.activations for one in kept.frames])[known]
     np.testing.assert_allclose(activations, tension.activation, atol=2e-3)
+
+
+def _filtered_wrenches(filter: CausalFilter, wrenches: Wrenches, time: np.ndarray) -> np.ndarray:
+    """Return (frames, plates, 6) moment and force about the ground's origin at times (frames,)."""
+    parts = (one[:, :, None] for one in (wrenches.forces, wrenches.points, wrenches.torques))
+    from_then = np.searchsorted(wrenches.time, time[0] - 1.0)
+    return filter.values(wrenches.time[from_then:], total_wrench(*parts)[from_then:], time)
 
 
 def test_results_are_of_the_time_less_the_delay(walk: tuple[Model, Markers, Wrenches]) -> None:

@@ -99,13 +99,8 @@ def _marker_places(model: Model, names: tuple[str, ...], motion: Motion) -> np.n
     return poses.points(bodies, np.array([marker.location for marker in marked]))
 
 
-def test_misplaced_markers_and_joints_move_angles_as_on_the_whole_recording(
-    walk: tuple[Model, Markers, Wrenches],
-) -> None:
-    """The same draws by the derivatives of all frames at once, through the same filter."""
-    model, markers, _ = walk
-    sources = replace(NONE, placement=0.005, joint_center=0.006, joint_axis=0.035)
-    kept = limited(walk, sources)
+def _drawn_errors(model: Model, markers: Markers, sources: Sources) -> list[np.ndarray]:
+    """Return filtered errors (frames, coordinates) of all draws, on the whole recording."""
     motion = inverse_kinematics(model, markers).motion
     names, weights = tracked_markers(model, markers, InverseKinematicsOptions())
     seen = np.isfinite(markers.values[:, [markers.names.index(name) for name in names]]).all(axis=2)
@@ -113,13 +108,24 @@ def test_misplaced_markers_and_joints_move_angles_as_on_the_whole_recording(
         model=model, names=names, weights=weights, options=InverseKinematicsOptions()
     ).at(motion.values, seen)
     filter = CausalFilter(6.0)
-    each = []
     normals = Normals(DRAWS)
+    each = []
     for number in range(DRAWS):
         drawn = drawn_model(model, Draw(number, sources, normals))
         shifts = _marker_places(model, names, motion) - _marker_places(drawn, names, motion)
         errors = np.einsum("fcm,fm->fc", slopes, shifts.reshape(len(shifts), -1))
         each.append(filter.motion(Motion(markers.time, motion.names, errors)).values)
+    return each
+
+
+def test_misplaced_markers_and_joints_move_angles_as_on_the_whole_recording(
+    walk: tuple[Model, Markers, Wrenches],
+) -> None:
+    """The same draws by the derivatives of all frames at once, through the same filter."""
+    model, markers, _ = walk
+    sources = replace(NONE, placement=0.005, joint_center=0.006, joint_axis=0.035)
+    kept = limited(walk, sources)
+    each = _drawn_errors(model, markers, sources)
     at = np.searchsorted(markers.time, kept.all("time") - 1e-6)
     expected = np.std(each, axis=0, ddof=1)[at]
     found = np.array([one.limits.coordinates[2] for one in kept.frames])  # type: ignore[union-attr]

@@ -92,11 +92,7 @@ def test_scaling_equals_opensim(data, tmp_path, name, keep):
     equal(lambda pair: pair[1].child_frame.translation)
     for one, other in zip(ours.joints, theirs.joints, strict=True):
         for axis, same in zip(one.axes, other.axes, strict=True):
-            for x in (-1.0, 0.2, 1.1):
-                arguments = [x] * max(1, same.function.arity)
-                assert float(axis.function(*arguments)) == pytest.approx(
-                    float(same.function(*arguments)), abs=1e-12
-                )
+            _check_same_function(axis.function, same.function)
     for one, other in zip(ours.markers, theirs.markers, strict=True):
         np.testing.assert_allclose(one.location, other.location, atol=1e-12)
     for one, other in zip(ours.wrap_objects, theirs.wrap_objects, strict=True):
@@ -106,11 +102,21 @@ def test_scaling_equals_opensim(data, tmp_path, name, keep):
         assert one.optimal_fiber_length == pytest.approx(other.optimal_fiber_length, rel=1e-9)
         assert one.tendon_slack_length == pytest.approx(other.tendon_slack_length, rel=1e-9)
         for point, same in zip(one.path.points, other.path.points, strict=True):
-            if isinstance(point, PathPoint):
-                np.testing.assert_allclose(point.location, same.location, atol=1e-12)
-            else:
-                for f, g in zip(point.functions, same.functions, strict=True):
-                    assert float(f(0.3)) == pytest.approx(float(g(0.3)), abs=1e-12)
+            _check_same_point(point, same)
+
+
+def _check_same_function(one, other):
+    for x in (-1.0, 0.2, 1.1):
+        arguments = [x] * max(1, other.arity)
+        assert float(one(*arguments)) == pytest.approx(float(other(*arguments)), abs=1e-12)
+
+
+def _check_same_point(one, other):
+    if isinstance(one, PathPoint):
+        np.testing.assert_allclose(one.location, other.location, atol=1e-12)
+    else:
+        for f, g in zip(one.functions, other.functions, strict=True):
+            assert float(f(0.3)) == pytest.approx(float(g(0.3)), abs=1e-12)
 
 
 def test_one_factor_for_all_makes_a_larger_twin():

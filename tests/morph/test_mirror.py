@@ -174,23 +174,28 @@ def test_the_other_leg_of_a_real_model(data):
 
 def test_a_leg_taken_away_comes_back(data):
     whole = read_model(data("ceinms-emg-walk/model/gait2392.osim"))
-    left = {body for body in whole.body_names if body.endswith("_l")}
+
+    def right_of(parts, *fields):
+        """Leave out parts of which a field ends in _l."""
+        return tuple(
+            one
+            for one in parts
+            if not any(str(getattr(one, field)).endswith("_l") for field in fields)
+        )
+
+    markers = [one for one in whole.markers if not one.name.startswith("L.")]
     right = replace(
         whole,
-        bodies=tuple(one for one in whole.bodies if one.name not in left),
-        joints=tuple(one for one in whole.joints if one.child not in left),
-        coordinates=tuple(one for one in whole.coordinates if not one.name.endswith("_l")),
-        markers=tuple(
-            one for one in whole.markers if one.body not in left and not one.name.startswith("L.")
-        ),
-        muscles=tuple(one for one in whole.muscles if not one.name.endswith("_l")),
-        wrap_objects=tuple(one for one in whole.wrap_objects if not one.name.endswith("_l")),
-        actuators=tuple(one for one in whole.actuators if not one.coordinate.endswith("_l")),
-        couplers=tuple(one for one in whole.couplers if not one.dependent.endswith("_l")),
-        passive_torques=tuple(
-            one for one in whole.passive_torques if not one.coordinate.endswith("_l")
-        ),
-        frames=tuple(one for one in whole.frames if one.body not in left),
+        bodies=right_of(whole.bodies, "name"),
+        joints=right_of(whole.joints, "child"),
+        coordinates=right_of(whole.coordinates, "name"),
+        markers=right_of(markers, "body"),
+        muscles=right_of(whole.muscles, "name"),
+        wrap_objects=right_of(whole.wrap_objects, "name"),
+        actuators=right_of(whole.actuators, "coordinate"),
+        couplers=right_of(whole.couplers, "dependent"),
+        passive_torques=right_of(whole.passive_torques, "coordinate"),
+        frames=right_of(whole.frames, "body"),
         kept=(),
     )
     again = with_other_side(right)

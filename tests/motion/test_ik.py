@@ -17,6 +17,12 @@ from myomorph.core.motion.tasks.coordinates import CoordinateTask
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 
+X, Y, Z = np.eye(3)
+
+
+def _axis(kind, vector, coordinate):
+    return Axis(kind=kind, vector=vector, function=linear(1.0), coordinates=(coordinate,))
+
 
 def walker():
     """Make a floating trunk with two legs of hip (3) and knee (1), the knee caps coupled.
@@ -27,15 +33,8 @@ def walker():
     still = Transform.identity()
     bodies = [Body(name="trunk", mass=40.0, mass_center=np.zeros(3), inertia=np.eye(3))]
     root = ["root_rz", "root_rx", "root_ry", "root_tx", "root_ty", "root_tz"]
-    x, y, z = np.eye(3)
-    turns = tuple(
-        Axis(kind="rotation", vector=v, function=linear(1.0), coordinates=(n,))
-        for v, n in zip((z, x, y), root[:3], strict=True)
-    )
-    shifts = tuple(
-        Axis(kind="translation", vector=v, function=linear(1.0), coordinates=(n,))
-        for v, n in zip((x, y, z), root[3:], strict=True)
-    )
+    turns = tuple(_axis("rotation", v, n) for v, n in zip((Z, X, Y), root[:3], strict=True))
+    shifts = tuple(_axis("translation", v, n) for v, n in zip((X, Y, Z), root[3:], strict=True))
     joints = [
         Joint(
             name="root",
@@ -55,10 +54,7 @@ def walker():
     for side, sign in (("r", 1.0), ("l", -1.0)):
         hip = Transform(np.eye(3), np.array([0.0, -0.1, 0.1 * sign]))
         names = tuple(f"hip_{a}_{side}" for a in ("z", "x", "y"))
-        axes = tuple(
-            Axis(kind="rotation", vector=v, function=linear(1.0), coordinates=(n,))
-            for v, n in zip((z, x, y), names, strict=True)
-        )
+        axes = tuple(_axis("rotation", v, n) for v, n in zip((Z, X, Y), names, strict=True))
         joints.append(
             Joint(
                 name=f"hip_{side}",
@@ -74,8 +70,8 @@ def walker():
         knee = Transform(np.eye(3), np.array([0.0, -0.4, 0.0]))
         slide = simm_spline([-2.0, -1.0, 0.0, 1.0], [0.02, 0.01, 0.0, 0.0])
         axes = (
-            Axis(kind="translation", vector=x, function=slide, coordinates=(f"knee_{side}",)),
-            Axis(kind="rotation", vector=z, function=linear(1.0), coordinates=(f"knee_{side}",)),
+            Axis(kind="translation", vector=X, function=slide, coordinates=(f"knee_{side}",)),
+            _axis("rotation", Z, f"knee_{side}"),
         )
         joints.append(
             Joint(
@@ -89,7 +85,6 @@ def walker():
                 coordinates=(f"knee_{side}",),
             )
         )
-        cap = (Axis(kind="rotation", vector=z, function=linear(1.0), coordinates=(f"cap_{side}",)),)
         joints.append(
             Joint(
                 name=f"cap_{side}",
@@ -98,7 +93,7 @@ def walker():
                 child=f"cap_{side}",
                 parent_frame=knee,
                 child_frame=still,
-                axes=cap,
+                axes=(_axis("rotation", Z, f"cap_{side}"),),
                 coordinates=(f"cap_{side}",),
             )
         )

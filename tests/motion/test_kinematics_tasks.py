@@ -69,10 +69,7 @@ def problem(model, seed):
 def test_the_derivatives_are_those_of_the_cost(made, seed):
     T, P, c = problem(made(seed), seed)
     plain, cost, g, H, _ = equations_at(T, P, c)
-    distances = P.markers.errors[0]
-    seen = np.isfinite(distances)
-    assert seen.sum() == len(distances) - 1
-    mean = P.markers.weight[seen] @ distances[seen] ** 2 / P.markers.weight[seen].sum()
+    mean = _mean_square(P.markers)
     pulls = P.coordinates.weight @ (c - P.coordinates.value[0]) ** 2
     assert pulls > 0.0
     assert plain == pytest.approx(mean + pulls, rel=1e-12)
@@ -85,6 +82,14 @@ def test_the_derivatives_are_those_of_the_cost(made, seed):
         assert g[i] == pytest.approx(slope, rel=1e-6, abs=1e-7), i
         column = (ahead[2] - behind[2]) / (2.0 * STEP)
         np.testing.assert_allclose(H[i][P.free], column[P.free], rtol=1e-6, atol=1e-6)
+
+
+def _mean_square(markers):
+    """Return the weighted mean square distance of the markers but the one unseen."""
+    distances = markers.errors[0]
+    seen = np.isfinite(distances)
+    assert seen.sum() == len(distances) - 1
+    return markers.weight[seen] @ distances[seen] ** 2 / markers.weight[seen].sum()
 
 
 def test_where_markers_fit_the_gauss_newton_diagonal_is_the_hessians():

@@ -48,8 +48,8 @@ def hold_against_differences(model):
     model = skeleton(model)
     lengths = lengths_of(model)
     values = rng.uniform(0.9, 1.1, len(lengths))
-    defaults = compile_tree(model).defaults
-    start = defaults + 0.2 * rng.normal(size=len(defaults))
+    start = compile_tree(model).defaults.copy()
+    start += 0.2 * rng.normal(size=len(start))
     tree, placed = placing(model, lengths, values)
     places, c = placed(start)
     problem = pose_problem(
@@ -58,19 +58,19 @@ def hold_against_differences(model):
     stretch = with_travel(stretch_of(model, lengths, model.marker_names), model, values)
     found, by_length, by_coordinate = slopes_of_frame(tree.arrays, problem.markers, stretch, c)
     np.testing.assert_allclose(found.ravel(), places, atol=1e-12)
-    h = 1e-6
-    for i in range(len(lengths)):
-        d = h * np.eye(len(lengths))[i]
-        ahead = placing(model, lengths, (values + d))[1](start)[0]
-        behind = placing(model, lengths, (values - d))[1](start)[0]
-        np.testing.assert_allclose(
-            by_length[:, i], (ahead - behind) / (2 * h), atol=1e-8, err_msg=lengths[i].name
-        )
+    for i, length in enumerate(lengths):
+        slope = _slope(lambda x: placing(model, lengths, x)[1](start)[0], values, i)
+        np.testing.assert_allclose(by_length[:, i], slope, atol=1e-8, err_msg=length.name)
     for j in tree.independent[:: max(1, len(tree.independent) // 40)]:
-        d = h * np.eye(len(start))[j]
-        ahead = placed(start + d)[0]
-        behind = placed(start - d)[0]
-        np.testing.assert_allclose(by_coordinate[:, j], (ahead - behind) / (2 * h), atol=1e-8)
+        slope = _slope(lambda x: placed(x)[0], start, j)
+        np.testing.assert_allclose(by_coordinate[:, j], slope, atol=1e-8)
+
+
+def _slope(function, x, i):
+    """Return the central difference of a function over the i-th of its arguments."""
+    h = 1e-6
+    d = h * np.eye(len(x))[i]
+    return (function(x + d) - function(x - d)) / (2 * h)
 
 
 def test_slopes_on_a_figure():

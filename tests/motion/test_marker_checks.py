@@ -257,27 +257,26 @@ def test_a_coordinate_hidden_in_part_of_the_frames_is_named_with_them():
     assert found.fit.seen.all()
 
 
+def _with_noise(markers):
+    noise = np.random.default_rng(3).normal(scale=1e-4, size=markers.values.shape)
+    return replace(markers, values=markers.values + noise)
+
+
 def test_what_a_marker_left_out_says_is_what_a_fit_without_it_gives():
     model = bounded_walker()
-    markers, _ = recorded(model, 0.2, 0.0)
-    rng = np.random.default_rng(3)
-    noisy = replace(
-        markers, values=markers.values + rng.normal(scale=1e-4, size=markers.values.shape)
-    )
+    noisy = _with_noise(recorded(model, 0.2, 0.0)[0])
     fit = inverse_kinematics(model, noisy, InverseKinematicsOptions(tolerance=1e-10))
     tree = compile_tree(model)
-    options = InverseKinematicsOptions()
-    arrays = pose_problem(tree, fit.marker_names, fit.marker_weight, options)
-    columns = [noisy.names.index(name) for name in fit.marker_names]
-    frames = marker_frames(tree, arrays, noisy.values[:, columns], fit.motion.values)
-    away = left_out(frames, arrays.markers.weight)
-    name = "thigh_r_2"
-    without = InverseKinematicsOptions(marker_weights={name: 0.0}, tolerance=1e-10)
+    arrays = pose_problem(tree, fit.marker_names, fit.marker_weight, InverseKinematicsOptions())
+    observed = noisy.values[:, [noisy.names.index(name) for name in fit.marker_names]]
+    frames = marker_frames(tree, arrays, observed, fit.motion.values)
+    k = fit.marker_names.index("thigh_r_2")
+    without = InverseKinematicsOptions(marker_weights={"thigh_r_2": 0.0}, tolerance=1e-10)
     other = inverse_kinematics(model, noisy, without)
-    place = marker_frames(tree, arrays, noisy.values[:, columns], other.motion.values)
-    k = fit.marker_names.index(name)
+    place = marker_frames(tree, arrays, observed, other.motion.values)
     wanted = np.einsum("fji,fj->fi", place.rotations[:, k], place.errors[:, k])
-    np.testing.assert_allclose(away[:, k], wanted, atol=2e-7)
+    away = left_out(frames, arrays.markers.weight)[:, k]
+    np.testing.assert_allclose(away, wanted, atol=2e-7)
     assert undetermined(frames, arrays, arrays.markers.weight) == ()
 
 

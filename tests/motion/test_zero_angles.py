@@ -179,33 +179,36 @@ def test_sliding_skin_adds_the_spread_of_its_gradients():
     markers = walk(model, frames=1, noise=0.0)
     problem, x, angles = _shared(model, markers)
     at = settle(problem, x, [angles], 1e-4)
-    shift = 1e-4
-    turn = 1e-3
-    poses = forward_kinematics(compile_tree(model), at.angles[0])
-    bodies = problem.pose.markers.body
-    places = problem.placed(x)
+    slide = Slide(shift=1e-4, turn=1e-3)
     before = reduce(problem, at).g
     moves = []
-    for body in np.unique(bodies):
-        of = np.flatnonzero(bodies == body)
-        apart = places[of] - places[of].mean(axis=0)
-        for axis in np.eye(3):
-            for move in (np.tile(shift * axis, (len(of), 1)), turn * np.cross(axis, apart)):
-                observed = markers.values.copy()
-                observed[0, of] += move @ poses.rotations[0, body].T
-                slid = replace(problem, sets=(replace(problem.sets[0], observed=observed),))
-                there = settle(slid, x, [at.angles[0]], 1e-4)
-                moves.append(
-                    np.concatenate(
-                        [reduce(slid, there).g - before, (there.angles[0] - at.angles[0])[0]]
-                    )
-                )
+    for observed in _slid(problem, x, at, slide):
+        slid = replace(problem, sets=(replace(problem.sets[0], observed=observed),))
+        there = settle(slid, x, [at.angles[0]], 1e-4)
+        turned = (there.angles[0] - at.angles[0])[0]
+        moves.append(np.concatenate([reduce(slid, there).g - before, turned]))
     expected = np.array(moves).T @ np.array(moves)
-    found = sliding(problem, at, Slide(shift=shift, turn=turn), 1)
+    found = sliding(problem, at, slide, 1)
     for part in (slice(None, len(x)), slice(len(x), None)):
         np.testing.assert_allclose(
             found[part, part], expected[part, part], atol=0.03 * expected[part, part].max()
         )
+
+
+def _slid(problem, x, at, slide):
+    """Yield markers (1, markers, 3) after each slide of each segment."""
+    poses = forward_kinematics(compile_tree(problem.model), at.angles[0])
+    bodies = problem.pose.markers.body
+    places = problem.placed(x)
+    for body in np.unique(bodies):
+        of = np.flatnonzero(bodies == body)
+        apart = places[of] - places[of].mean(axis=0)
+        for axis in np.eye(3):
+            shift = np.tile(slide.shift * axis, (len(of), 1))
+            for move in (shift, slide.turn * np.cross(axis, apart)):
+                observed = np.array(problem.sets[0].observed)
+                observed[0, of] += move @ poses.rotations[0, body].T
+                yield observed
 
 
 def test_intervals_without_skin_have_no_slides():

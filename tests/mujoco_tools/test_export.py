@@ -105,19 +105,7 @@ def test_torques_of_the_copy_are_those_of_the_model(gait):
     )
     ours = inverse_dynamics(model, motion).values
     copy = MujocoCopy(path, copied)
-    there = in_copy(copied, model, coordinates)
-    rates = np.zeros((2, *there.shape))
-    columns = [copied.coordinate_names.index(name) for name in model.coordinate_names]
-    rates[0][:, columns] = speeds
-    rates[1][:, columns] = accelerations
-    full = Motion(
-        time=time,
-        names=copied.coordinate_names,
-        values=there,
-        velocities=rates[0],
-        accelerations=rates[1],
-    )
-    values = motion_arrays(compile_tree(copied), full)
+    values = motion_arrays(compile_tree(copied), _motion_of_copy(copied, model, motion))
     theirs = dict(zip(copy.simple, copy.generalized_forces(*values).T, strict=True))
     for coupler in reversed(copied.couplers):
         leader = coupler.independents[0]
@@ -125,6 +113,23 @@ def test_torques_of_the_copy_are_those_of_the_model(gait):
         theirs[leader] = theirs[leader] + slope * theirs[coupler.dependent]
     for i, name in enumerate(model.coordinate_names):
         np.testing.assert_allclose(theirs[name], ours[:, i], atol=1e-6)
+
+
+def _motion_of_copy(copied, model, motion):
+    """Return the motion in the copy's coordinates; those that it adds have no rates."""
+    there = in_copy(copied, model, motion.values)
+    columns = [copied.coordinate_names.index(name) for name in model.coordinate_names]
+    velocities = np.zeros(there.shape)
+    velocities[:, columns] = motion.velocities
+    accelerations = np.zeros(there.shape)
+    accelerations[:, columns] = motion.accelerations
+    return Motion(
+        time=motion.time,
+        names=copied.coordinate_names,
+        values=there,
+        velocities=velocities,
+        accelerations=accelerations,
+    )
 
 
 def test_muscles_of_mujoco_pull_as_those_that_were_fitted(gait):

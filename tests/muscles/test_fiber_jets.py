@@ -71,37 +71,43 @@ def test_derivatives_of_pulls_and_stretches_are_those_of_finite_differences(kind
     """
     E = arrays(kind)
     rng = np.random.default_rng(0)
-    h = 1e-6
     at = np.stack(
         [rng.uniform(0.6, 1.4, 200), rng.uniform(-3.0, 3.0, 200), rng.uniform(0.05, 0.95, 200)]
     )
-    scale = np.array([E.hill.fiber[0], E.hill.fiber[0], 1.0])
-
-    def of(x, u, a):
-        out = np.empty((200, 10))
-        _pulls(E, x * scale[0], u * scale[1], a, out)
-        return out
-
-    told = of(*at)
-    over = []
-    for step in h * np.eye(3):
-        over.append((of(*(at + step[:, None])) - of(*(at - step[:, None]))) / (2.0 * h))
-    over_x, over_u, over_a = over
-    x = over_x / scale[0]
-    u = over_u / scale[1]
-    a = over_a / scale[2]
+    fiber = E.hill.fiber[0]
+    x, u, a = _pull_differences(E, at)
     found = np.column_stack(
         [x[:, 0], u[:, 0], a[:, 0], x[:, 1], x[:, 2], u[:, 2], x[:, 3], u[:, 3], a[:, 3]],
     )
     size = np.array([1, 1, 0, 2, 2, 2, 1, 1, 0])
-    error = np.abs(told[:, 1:] - found) * scale[0] ** size
-    assert (error / (1.0 + np.abs(found) * scale[0] ** size)).max() < 1e-7
+    error = np.abs(_pulls_at(E, *at)[:, 1:] - found) * fiber**size
+    assert (error / (1.0 + np.abs(found) * fiber**size)).max() < 1e-7
+    h = 1e-6
     f = rng.uniform(0.03, 1.3, 200)
     jets = [np.empty((200, 3)) for _ in range(3)]
     for shift, jet in zip((-h, 0.0, h), jets, strict=True):
         _stretch_jets(E, f + shift, jet)
     slopes = (jets[2] - jets[0]) / (2.0 * h)
     np.testing.assert_allclose(jets[1][:, 1:], slopes[:, :2], rtol=1e-6, atol=1e-7)
+
+
+def _pulls_at(E, x, u, a):
+    """Return pulls and derivatives (values, 10) at lengths and speeds in fiber lengths."""
+    out = np.empty((len(x), 10))
+    _pulls(E, x * E.hill.fiber[0], u * E.hill.fiber[0], a, out)
+    return out
+
+
+def _pull_differences(E, at):
+    """Return differences (values, 10) of the pulls over length [m], speed [m/s], activation."""
+    h = 1e-6
+    units = (E.hill.fiber[0], E.hill.fiber[0], 1.0)
+    return [
+        (_pulls_at(E, *(at + step[:, None])) - _pulls_at(E, *(at - step[:, None])))
+        / (2.0 * h)
+        / unit
+        for step, unit in zip(h * np.eye(3), units, strict=True)
+    ]
 
 
 @pytest.mark.parametrize("kind", CLASSES)

@@ -197,34 +197,30 @@ def test_mujoco_muscles_have_mujocos_gain_and_bias():
     high = 1.05
     force = 730.0
     vmax = 1.5
-    fpmax = 1.3
-    fvmax = 1.2
+    curve = {"lmin": 0.5, "lmax": 1.6, "fpmax": 1.3, "fvmax": 1.2}
     length_range = np.array([[0.24], [0.31]])
-    optimal = (0.31 - 0.24) / (high - low)
-    lmin = 0.5
-    lmax = 1.6
+    optimal = float(np.ptp(length_range)) / (high - low)
     parameters = np.array(
-        [[low], [high], [force], [200.0], [lmin], [lmax], [vmax], [fpmax], [fvmax]]
+        [[low], [high], [force], [200.0], [0.5], [1.6], [vmax], [curve["fpmax"]], [curve["fvmax"]]]
     )
-    path = muscle("mujoco").path
     ours = Muscle(
         name="m",
         kind="mujoco",
-        path=path,
+        path=muscle("mujoco").path,
         max_isometric_force=force,
         optimal_fiber_length=optimal,
         tendon_slack_length=0.24 - low * optimal,
         max_contraction_velocity=vmax,
-        parameters={"lmin": lmin, "lmax": lmax, "fpmax": fpmax, "fvmax": fvmax},
+        parameters=curve,
     )
     lengths = rng.uniform(0.05, 0.55, 400)
     speeds = rng.uniform(-0.6, 0.6, 400)
     found = hill_forces(sliding_model(ours), lengths[:, None], speeds[:, None])
     gain = [
-        -mujoco.mju_muscleGain(a, b, length_range, 1.0, parameters)
-        for a, b in zip(lengths, speeds, strict=True)
+        -mujoco.mju_muscleGain(length, speed, length_range, 1.0, parameters)
+        for length, speed in zip(lengths, speeds, strict=True)
     ]
-    bias = [-mujoco.mju_muscleBias(a, length_range, 1.0, parameters) for a in lengths]
+    bias = [-mujoco.mju_muscleBias(length, length_range, 1.0, parameters) for length in lengths]
     np.testing.assert_allclose(found.active[:, 0], gain, rtol=0, atol=1e-10)
     np.testing.assert_allclose(found.passive[:, 0], bias, rtol=0, atol=1e-10)
     assert max(gain) > 500.0

@@ -31,21 +31,9 @@ def test_every_muscle_of_a_model_has_opensims_force(data, name):
     muscles = other.getMuscles()
     names = [muscles.get(i).getName() for i in range(muscles.getSize())]
     rng = np.random.default_rng(0)
-    poses = 3
-    lengths = np.empty((poses, len(names)))
-    speeds = np.empty((poses, len(names)))
-    forces = np.empty((poses, len(names)))
-    for pose in range(poses):
-        for coordinate in other.getComponentsList():
-            one = opensim.Coordinate.safeDownCast(coordinate)
-            if one is not None and not one.isConstrained(state):
-                low = one.getRangeMin()
-                high = one.getRangeMax()
-                inside = min(max(one.getDefaultValue(), low), high)
-                one.setValue(state, inside + 0.25 * rng.uniform(low - inside, high - inside), False)
-                one.setSpeedValue(state, rng.uniform(-1.0, 1.0))
-        other.assemble(state)
-        other.realizeVelocity(state)
+    lengths, speeds, forces = np.empty((3, 3, len(names)))
+    for pose in range(3):
+        _move_at_random(other, state, rng)
         for i in range(len(names)):
             muscle = muscles.get(i)
             lengths[pose, i] = muscle.getLength(state)
@@ -57,3 +45,19 @@ def test_every_muscle_of_a_model_has_opensims_force(data, name):
     scale = np.array([muscle.max_isometric_force for muscle in model.muscles])
     np.testing.assert_allclose(ours.active / scale, forces / scale, rtol=0, atol=MODELS[name])
     assert np.mean(forces / scale > 0.1) > 0.3
+
+
+def _move_at_random(model, state, rng):
+    """Put OpenSim's model into a pose inside its ranges, with random speeds."""
+    import opensim
+
+    for component in model.getComponentsList():
+        one = opensim.Coordinate.safeDownCast(component)
+        if one is not None and not one.isConstrained(state):
+            low = one.getRangeMin()
+            high = one.getRangeMax()
+            inside = min(max(one.getDefaultValue(), low), high)
+            one.setValue(state, inside + 0.25 * rng.uniform(low - inside, high - inside), False)
+            one.setSpeedValue(state, rng.uniform(-1.0, 1.0))
+    model.assemble(state)
+    model.realizeVelocity(state)

@@ -56,25 +56,25 @@ def test_the_tendons_arm_is_the_slope_of_its_own_part_with_a_patella_that_stays(
 
     Nothing of the path's code is used.
     """
-    model, motion, paths, coordinates, pulls, work = bent
-    tree = paths.tree
+    model, motion, paths, *state = bent
     group = right(paths)
     step = 1e-5
-    arms = tendon_arms(paths, group, coordinates, pulls, work)
+    arms = tendon_arms(paths, group, *state)
     moved = Motion(motion.time, motion.names, motion.values + step)
-    before = forward_kinematics(tree, tree.coordinates_of(motion))
-    after = forward_kinematics(tree, tree.coordinates_of(moved))
+    before = forward_kinematics(paths.tree, paths.tree.coordinates_of(motion))
+    after = forward_kinematics(paths.tree, paths.tree.coordinates_of(moved))
     for column, muscle in enumerate(group.muscles):
         upper, lower = model.muscles[muscle].path.points[-2:]
-        patella = before.points(np.array([tree.body_index[upper.body]]), upper.location[None])[:, 0]
-        ends = [
-            each.points(np.array([tree.body_index[lower.body]]), lower.location[None])[:, 0]
-            for each in (before, after)
-        ]
-        lengths = [np.linalg.norm(end - patella, axis=1) for end in ends]
-        np.testing.assert_allclose(
-            arms.tendon[:, column], -(lengths[1] - lengths[0]) / step, atol=2e-6
-        )
+        patella = _place(before, upper)
+        length = np.linalg.norm(_place(before, lower) - patella, axis=1)
+        longer = np.linalg.norm(_place(after, lower) - patella, axis=1)
+        np.testing.assert_allclose(arms.tendon[:, column], -(longer - length) / step, atol=2e-6)
+
+
+def _place(poses, point):
+    """Return a path point (frames, 3) in ground [m]."""
+    body = np.array([poses.tree.body_index[point.body]])
+    return poses.points(body, point.location[None])[:, 0]
 
 
 def test_the_lever_keeps_forces_balanced_and_work_at_the_knee(bent) -> None:

@@ -120,19 +120,10 @@ def test_lengths_and_moment_arms_equal_opensim(ways, reach, tmp_path):
         ways, tmp_path, 3, reach
     )
     wrapped = np.abs(lengths - straight[:, None]) > 1e-6
-    few = {
-        name: int(n)
-        for name, n in zip(model.muscle_names, wrapped.sum(axis=0), strict=True)
-        if n < 5
-    }
-    assert set(few) <= {"range_first", "range_last"}, "too few configurations wrap"
-    difference = np.abs(lengths - expected)
-    worst = {
-        name: difference[:, m].max()
-        for m, name in enumerate(model.muscle_names)
-        if difference[:, m].max() > SAME
-    }
-    assert not worst
+    few = set(np.array(model.muscle_names)[wrapped.sum(axis=0) < 5])
+    assert few <= {"range_first", "range_last"}, "too few configurations wrap"
+    worst = dict(zip(model.muscle_names, np.abs(lengths - expected).max(axis=0), strict=True))
+    assert not {name: most for name, most in worst.items() if most > SAME}
     frames = slice(0, FRAMES, 15)
     columns = [model.coordinate_names.index(name) for name in TRANSLATIONS]
     expected_arms = opensim_moment_arms(

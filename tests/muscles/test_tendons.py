@@ -75,11 +75,7 @@ def compare(m, model, motion):
     for frame, state, d in states(m, model, motion):
         length = np.abs(found.muscle_length[frame] - d.ten_length[tendon] * gear)
         expected = -tendon_jacobian(m, d)[tendon] @ state.basis * gear[:, None]
-        # What MuJoCo gives a joint that follows another reaches the other by the equality's slope.
-        for k in reversed(range(len(couplers.coupler_coordinate))):
-            source = couplers.coupler_source[k, 0]
-            follower = couplers.coupler_coordinate[k]
-            expected[:, source] += found.coupler_slopes[frame, k, 0] * expected[:, follower]
+        _give_to_leaders(expected, couplers, found.coupler_slopes[frame])
         ours = np.zeros_like(expected)
         ours[muscle, coordinate] = arms[frame]
         free = np.ones(expected.shape[1], dtype=bool)
@@ -88,6 +84,17 @@ def compare(m, model, motion):
         speed = np.abs(found.muscle_velocity[frame] - d.ten_velocity[tendon] * gear)
         worst = np.maximum(worst, [length.max(), moment_arm.max(), speed.max()])
     return worst
+
+
+def _give_to_leaders(arms, couplers, slopes):
+    """Add to arms (muscles, coordinates) what MuJoCo gives joints that follow others.
+
+    It reaches the other joint by the equality's slope.
+    """
+    for k in reversed(range(len(couplers.coupler_coordinate))):
+        source = couplers.coupler_source[k, 0]
+        follower = couplers.coupler_coordinate[k]
+        arms[:, source] += slopes[k, 0] * arms[:, follower]
 
 
 @pytest.mark.parametrize("name", ["mouse arm", *MYO_SIM, "MyoFullBody"])

@@ -16,18 +16,11 @@ def test_rates_are_differences_of_poses(make):
     tree = compile_tree(model)
     step = 1e-4
     rng = np.random.default_rng(0)
-    n = len(model.coordinates)
-    q = rng.normal(size=n) * 0.3
-    v = rng.normal(size=n) * 0.3
-    a = rng.normal(size=n) * 0.3
+    q, v, a = 0.3 * rng.normal(size=(3, len(model.coordinates)))
     at = step * np.arange(-1, 2)[:, None]
-    c = q + v * at + 0.5 * a * at**2
-    cdot = v + a * at
-    cddot = np.tile(a, (3, 1))
-    moved = body_motion(tree, c, cdot, cddot)
-    places = rng.normal(size=(len(tree.arrays.parent), 3))
+    moved = body_motion(tree, q + v * at + 0.5 * a * at**2, v + a * at, np.tile(a, (3, 1)))
     bodies = np.arange(len(tree.arrays.parent))
-    points, speeds, accelerations = moved.of_points(bodies, places)
+    points, speeds, accelerations = moved.of_points(bodies, rng.normal(size=(len(bodies), 3)))
     np.testing.assert_allclose(speeds[1], (points[2] - points[0]) / (2 * step), atol=1e-5)
     np.testing.assert_allclose(accelerations[1], (speeds[2] - speeds[0]) / (2 * step), atol=1e-4)
     turned = (

@@ -79,6 +79,34 @@ def test_frames_grow_with_their_bodies(tied):
     np.testing.assert_allclose(grown.pose_2.translation, one.pose_2.translation)
 
 
+def _forces_of_opensim(opensim, model, names, c, rates):
+    """Return generalized forces (frames, coordinates) of the bushing: torques without it less with.
+
+    States are (frames, coordinates) in the order of names.
+    """
+    state = model.initSystem()
+    force = model.getForceSet().get("bush")
+    coordinates = [model.getCoordinateSet().get(name) for name in names]
+    solver = opensim.InverseDynamicsSolver(model)
+    for coordinate in coordinates:
+        coordinate.setLocked(state, False)
+    for j, coordinate in enumerate(coordinates):
+        coordinate.setSpeedValue(state, j + 1.0)
+    order = [round(speed) - 1 for speed in state.getU().to_numpy()]
+    expected = np.empty_like(c)
+    for frame in range(len(c)):
+        for j, coordinate in enumerate(coordinates):
+            coordinate.setValue(state, float(c[frame, j]), False)
+            coordinate.setSpeedValue(state, float(rates[frame, j]))
+        found = []
+        for on in (True, False):
+            force.setAppliesForce(state, on)
+            model.realizeDynamics(state)
+            found.append(solver.solve(state, opensim.Vector(len(names), 0.0)).to_numpy().copy())
+        expected[frame, order] = found[1] - found[0]
+    return expected
+
+
 def test_opensim_applies_the_same_forces(data, tmp_path):
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
@@ -100,32 +128,12 @@ def test_opensim_applies_the_same_forces(data, tmp_path):
     write_osim(made, tmp_path / "bushing.osim")
     read = read_osim(tmp_path / "bushing.osim")
     tree = compile_tree(read)
-    theirs = opensim.Model(str(tmp_path / "bushing.osim"))
-    state = theirs.initSystem()
-    force = theirs.getForceSet().get("bush")
-    named = theirs.getCoordinateSet()
-    solver = opensim.InverseDynamicsSolver(theirs)
-    for name in read.coordinate_names:
-        named.get(name).setLocked(state, False)
     names = read.coordinate_names
-    for j, name in enumerate(names):
-        named.get(name).setSpeedValue(state, j + 1.0)
-    order = [round(speed) - 1 for speed in state.getU().to_numpy()]
-    driven = set(read.dependent_coordinates)
-    free = [j for j, name in enumerate(names) if name not in driven]
+    free = [j for j, name in enumerate(names) if name not in read.dependent_coordinates]
     c = 0.2 * rng.normal(size=(3, len(names)))
     rates = rng.normal(size=(3, len(names)))
-    expected = np.empty_like(c)
-    for frame in range(3):
-        for j, name in enumerate(names):
-            named.get(name).setValue(state, float(c[frame, j]), False)
-            named.get(name).setSpeedValue(state, float(rates[frame, j]))
-        found = []
-        for on in (True, False):
-            force.setAppliesForce(state, on)
-            theirs.realizeDynamics(state)
-            found.append(solver.solve(state, opensim.Vector(len(names), 0.0)).to_numpy().copy())
-        expected[frame, order] = found[1] - found[0]
+    theirs = opensim.Model(str(tmp_path / "bushing.osim"))
+    expected = _forces_of_opensim(opensim, theirs, names, c, rates)
     np.testing.assert_allclose(
         bushing_forces(tree, read.bushings, c, rates)[:, free], expected[:, free], atol=1e-7
     )

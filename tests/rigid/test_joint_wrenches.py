@@ -49,74 +49,69 @@ def test_each_body_keeps_its_laws_of_momentum():
     step = 3e-4
     motion = swinging(model, 5, step, seed=3)
     tree = compile_tree(model)
-    c, cdot, cddot = motion_arrays(tree, motion)
+    arrays = motion_arrays(tree, motion)
     applied = pushed(tree, 5, 0)
-    found = joint_wrenches(tree, c, cdot, cddot, applied)
-    poses = forward_kinematics(tree, c)
+    found = joint_wrenches(tree, *arrays, applied)
+    poses = forward_kinematics(tree, arrays.values)
     T = tree.arrays
     for b in range(1, len(T.parent)):
-        R = poses.rotations[:, b]
+        children = np.flatnonzero(T.parent == b)
         center = poses.origins[:, b] + poses.rotations[:, b] @ T.mass_center[b]
-        acceleration = (center[3] - 2 * center[2] + center[1]) / step**2
-        force = found.forces[2, b] - sum(found.forces[2, k] for k in np.flatnonzero(T.parent == b))
-        np.testing.assert_allclose(
-            force + T.mass[b] * T.gravity + applied[2, b, :3], T.mass[b] * acceleration, atol=5e-4
-        )
-        turning = []
-        for f in (1, 2, 3):
-            near = (R[f + 1] - R[f - 1]) / (2 * step) @ R[f].T
-            omega = np.array([near[2, 1], near[0, 2], near[1, 0]])
-            speed = (center[f + 1] - center[f - 1]) / (2 * step)
-            inertia = R[f] @ T.inertia[b] @ R[f].T
-            turning.append(inertia @ omega + T.mass[b] * np.cross(center[f], speed))
-        moment = found.moments[2, b] - sum(
-            found.moments[2, k] for k in np.flatnonzero(T.parent == b)
-        )
-        weight = np.cross(center[2], T.mass[b] * T.gravity)
-        np.testing.assert_allclose(
-            moment + weight + applied[2, b, 3:], (turning[2] - turning[0]) / (2 * step), atol=5e-4
-        )
+        force = found.forces[2, b] - sum(found.forces[2, k] for k in children)
+        moment = found.moments[2, b] - sum(found.moments[2, k] for k in children)
+        weight = T.mass[b] * T.gravity
+        moment = moment + np.cross(center[2], weight)
+        rate = _momentum_rate(T, b, poses.rotations[:, b], center, step)
+        total = np.concatenate([force + weight, moment]) + applied[2, b]
+        np.testing.assert_allclose(total, rate, atol=5e-4)
+
+
+def _momentum_rate(T, b, R, center, step):
+    """Return the rates (6,) of linear and angular momentum of a body in frame 2.
+
+    They are by differences of its rotations R (5, 3, 3) and centers of mass (5, 3).
+    """
+    acceleration = (center[3] - 2 * center[2] + center[1]) / step**2
+    before, _, after = _angular_momenta(T, b, R, center, step)
+    return np.concatenate([T.mass[b] * acceleration, (after - before) / (2 * step)])
+
+
+def _angular_momenta(T, b, R, center, step):
+    """Return the angular momenta of a body about the ground's origin in frames 1 to 3.
+
+    They are by differences of its rotations R (5, 3, 3) and centers of mass (5, 3).
+    """
+    momenta = []
+    for f in (1, 2, 3):
+        near = (R[f + 1] - R[f - 1]) / (2 * step) @ R[f].T
+        omega = np.array([near[2, 1], near[0, 2], near[1, 0]])
+        speed = (center[f + 1] - center[f - 1]) / (2 * step)
+        inertia = R[f] @ T.inertia[b] @ R[f].T
+        momenta.append(inertia @ omega + T.mass[b] * np.cross(center[f], speed))
+    return momenta
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_joint_forces_agree_with_pinocchio(seed):
     pin = pytest.importorskip("pinocchio")
     model = random_tree(seed)
-    rng = np.random.default_rng(seed)
-    values, velocities, accelerations = rng.normal(size=(3, 2, len(model.coordinates)))
-    motion = Motion(
-        time=np.arange(2.0),
-        names=model.coordinate_names,
-        values=values,
-        velocities=velocities,
-        accelerations=accelerations,
-    )
     tree = compile_tree(model)
+    states = np.random.default_rng(seed).normal(size=(3, 2, len(model.coordinates)))
     applied = pushed(tree, 2, seed)
-    found = joint_wrenches(tree, *motion_arrays(tree, motion), applied)
+    found = joint_wrenches(tree, *states, applied)
     theirs, ids = to_pinocchio(model)
     data = theirs.createData()
+    pairs = [(tree.body_index[body.name], ids[body.name]) for body in model.bodies]
     for frame in range(2):
-        pin.forwardKinematics(theirs, data, motion.values[frame])
+        pin.forwardKinematics(theirs, data, states[0, frame])
         external = pin.StdVec_Force()
         for _ in range(theirs.njoints):
             external.append(pin.Force.Zero())
-        for body in model.bodies:
-            wrench = applied[frame, tree.body_index[body.name]]
-            external[ids[body.name]] = data.oMi[ids[body.name]].actInv(
-                pin.Force(wrench[:3], wrench[3:])
-            )
-        pin.rnea(
-            theirs,
-            data,
-            motion.values[frame],
-            motion.velocities[frame],
-            motion.accelerations[frame],
-            external,
-        )
-        for body in model.bodies:
-            i = ids[body.name]
-            b = tree.body_index[body.name]
+        for b, i in pairs:
+            wrench = pin.Force(applied[frame, b, :3], applied[frame, b, 3:])
+            external[i] = data.oMi[i].actInv(wrench)
+        pin.rnea(theirs, data, *states[:, frame], external)
+        for b, i in pairs:
             carried = data.oMi[i].act(data.f[i])
             np.testing.assert_allclose(found.forces[frame, b], carried.linear, atol=1e-9)
             np.testing.assert_allclose(found.moments[frame, b], carried.angular, atol=1e-9)
@@ -145,37 +140,28 @@ def test_loops_carry_what_they_were_given_to_carry():
     """Multipliers and accelerations are recovered; loop forces move no closed motion."""
     model, closed = looped_tree(1, kinds=("WeldConstraint",), bodies=16)
     rng = np.random.default_rng(2)
-    c = np.tile(closed, (3, 1))
-    velocities, accelerations = rng.normal(size=(2, *c.shape))
+    velocities, accelerations = rng.normal(size=(2, 3, len(closed)))
     given = Motion(
         time=np.arange(3.0),
         names=model.coordinate_names,
-        values=c,
+        values=np.tile(closed, (3, 1)),
         velocities=velocities,
         accelerations=accelerations,
     )
-    motion, _ = closed_motion(model, given)
     tree = compile_tree(model)
-    arrays = motion_arrays(tree, motion)
-    c, cdot, cddot = arrays
+    arrays = motion_arrays(tree, closed_motion(model, given)[0])
+    c = arrays.values
     applied = pushed(tree, 3, 3)
     forces = rng.normal(scale=4.0, size=(3, 6))
-    G = closure_jacobian(tree, c)
-    held = applied + loop_wrenches(tree, c, forces)
-    free = free_coordinates(tree)
+    tau = joint_wrenches(tree, *arrays, applied + loop_wrenches(tree, c, forces)).torques
     # What a loop does to bodies is what its multipliers do along coordinates.
-    alone = (
-        joint_wrenches(tree, c, cdot, cddot, applied).torques
-        - joint_wrenches(tree, c, cdot, cddot, held).torques
-    )
-    np.testing.assert_allclose(
-        alone[:, free], np.einsum("frj,fr->fj", G, forces)[:, free], atol=1e-8
-    )
-    tau = joint_wrenches(tree, c, cdot, cddot, held).torques
+    alone = joint_wrenches(tree, *arrays, applied).torques - tau
+    along = np.einsum("frj,fr->fj", closure_jacobian(tree, c), forces)
+    np.testing.assert_allclose((alone - along)[:, free_coordinates(tree)], 0.0, atol=1e-8)
     found, multipliers = forward_accelerations(tree, unknown(arrays), applied, tau)
-    np.testing.assert_allclose(found, cddot, atol=1e-6)
+    np.testing.assert_allclose(found, arrays.accelerations, atol=1e-6)
     np.testing.assert_allclose(multipliers, forces, atol=1e-6)
-    assert np.abs(closure_rates(tree, c, cdot, found)[1]).max() < 1e-7
+    assert np.abs(closure_rates(tree, c, arrays.velocities, found)[1]).max() < 1e-7
     np.testing.assert_allclose(balancing_multipliers(tree, arrays, applied, tau), forces, atol=1e-7)
 
 
@@ -212,32 +198,35 @@ def test_a_loop_falls_and_carries_as_in_opensim(data):
     theirs = opensim.Model(str(path))
     theirs.updForceSet().clearAndDestroy()
     state = theirs.initSystem()
-    coordinates = theirs.getCoordinateSet()
     # OpenSim's speeds of the scapula are angular velocities: its accelerations are of other
     # quantities.
-    same = [
-        j
-        for j, one in enumerate(model.coordinates)
-        if not one.name.startswith("scapula_") and not one.locked
-    ]
+    same = [not one.name.startswith("scapula_") and not one.locked for one in model.coordinates]
     for frame in range(3):
-        for j, one in enumerate(model.coordinates):
-            coordinates.get(one.name).setLocked(state, False)
-            coordinates.get(one.name).setValue(state, float(c[frame, j]), False)
-            coordinates.get(one.name).setSpeedValue(state, 0.0)
-        for one in model.coordinates:
-            coordinates.get(one.name).setLocked(state, one.locked)
-        theirs.realizeAcceleration(state)
-        wanted = [
-            coordinates.get(model.coordinate_names[j]).getAccelerationValue(state) for j in same
-        ]
-        np.testing.assert_allclose(accelerations[frame, same], wanted, rtol=1e-5, atol=1e-5)
+        wanted = _released(theirs, state, model, c[frame])
+        np.testing.assert_allclose(accelerations[frame, same], wanted[same], rtol=1e-5, atol=1e-5)
         for joint in model.joints:
             load = theirs.getJointSet().get(joint.name).calcReactionOnChildExpressedInGround(state)
-            b = tree.body_index[joint.child]
-            point = (
-                found.origins[frame, b] + found.rotations[frame, b] @ joint.child_frame.translation
-            )
-            np.testing.assert_allclose(found.forces[frame, b], load.get(1).to_numpy(), atol=1e-4)
-            moment = found.moments[frame, b] - np.cross(point, found.forces[frame, b])
+            force, moment = _at_joint(found, tree, joint, frame)
+            np.testing.assert_allclose(force, load.get(1).to_numpy(), atol=1e-4)
             np.testing.assert_allclose(moment, load.get(0).to_numpy(), atol=1e-4)
+
+
+def _released(theirs, state, model, c):
+    """Release OpenSim's model from a pose (coordinates,); return its accelerations."""
+    coordinates = [theirs.getCoordinateSet().get(name) for name in model.coordinate_names]
+    for coordinate, value in zip(coordinates, c, strict=True):
+        coordinate.setLocked(state, False)
+        coordinate.setValue(state, float(value), False)
+        coordinate.setSpeedValue(state, 0.0)
+    for coordinate, one in zip(coordinates, model.coordinates, strict=True):
+        coordinate.setLocked(state, one.locked)
+    theirs.realizeAcceleration(state)
+    return np.array([coordinate.getAccelerationValue(state) for coordinate in coordinates])
+
+
+def _at_joint(found, tree, joint, frame):
+    """Return force and moment on the child about the joint's center, in ground."""
+    b = tree.body_index[joint.child]
+    point = found.origins[frame, b] + found.rotations[frame, b] @ joint.child_frame.translation
+    force = found.forces[frame, b]
+    return force, found.moments[frame, b] - np.cross(point, force)

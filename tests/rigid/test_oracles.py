@@ -54,42 +54,42 @@ def test_poses_inverse_dynamics_and_jacobian_agree_with_pinocchio(seed):
     centers = center_of_mass(tree, poses)
     for frame in range(len(motion)):
         pin.forwardKinematics(theirs, data, motion.values[frame])
-        external = pin.StdVec_Force()
-        for _ in range(theirs.njoints):
-            external.append(pin.Force.Zero())
-        for e, name in enumerate(wrenches.bodies):
-            f = wrenches.forces[frame, e]
-            x = wrenches.points[frame, e]
-            m = wrenches.torques[frame, e]
-            about_ground = pin.Force(f, m + np.cross(x, f))
-            external[ids[name]] = external[ids[name]] + data.oMi[ids[name]].actInv(about_ground)
         expected = pin.rnea(
             theirs,
             data,
             motion.values[frame],
             motion.velocities[frame],
             motion.accelerations[frame],
-            external,
+            _external(pin, theirs, data, ids, wrenches, frame),
         )
         np.testing.assert_allclose(tau.values[frame], expected, atol=TOLERANCE)
         for body in model.bodies:
             pose = data.oMi[ids[body.name]]
-            np.testing.assert_allclose(
-                poses.origins[frame, tree.body_index[body.name]], pose.translation, atol=TOLERANCE
-            )
-            np.testing.assert_allclose(
-                poses.rotations[frame, tree.body_index[body.name]], pose.rotation, atol=TOLERANCE
-            )
+            b = tree.body_index[body.name]
+            np.testing.assert_allclose(poses.origins[frame, b], pose.translation, atol=TOLERANCE)
+            np.testing.assert_allclose(poses.rotations[frame, b], pose.rotation, atol=TOLERANCE)
         np.testing.assert_allclose(
             centers[frame], pin.centerOfMass(theirs, data, motion.values[frame]), atol=TOLERANCE
         )
-        last = model.bodies[-1].name
         pin.computeJointJacobians(theirs, data, motion.values[frame])
+        last = model.bodies[-1].name
         J = pin.getJointJacobian(theirs, data, ids[last], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        ours = poses.jacobian(tree.body_index[last], poses.origins[frame, tree.body_index[last]])[
-            frame
-        ]
+        b = tree.body_index[last]
+        ours = poses.jacobian(b, poses.origins[frame, b])[frame]
         np.testing.assert_allclose(ours, np.vstack([J[3:], J[:3]]), atol=TOLERANCE)
+
+
+def _external(pin, theirs, data, ids, wrenches, frame):
+    """Return Pinocchio's external force on each joint."""
+    external = pin.StdVec_Force()
+    for _ in range(theirs.njoints):
+        external.append(pin.Force.Zero())
+    for e, name in enumerate(wrenches.bodies):
+        force = wrenches.forces[frame, e]
+        moment = wrenches.torques[frame, e] + np.cross(wrenches.points[frame, e], force)
+        about_ground = pin.Force(force, moment)
+        external[ids[name]] = external[ids[name]] + data.oMi[ids[name]].actInv(about_ground)
+    return external
 
 
 @pytest.mark.parametrize("seed", SEEDS)

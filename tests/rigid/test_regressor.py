@@ -103,20 +103,25 @@ def test_wrench_is_the_rate_of_momentum_less_gravity(seed):
     poses = forward_kinematics(tree, c)
     momentum = np.zeros((5, 6))
     weight = np.zeros(6)
-    for f in range(5):
-        for b, body in enumerate(model.bodies, start=1):
-            R = poses.rotations[f, b]
-            center = poses.origins[f, b] + R @ body.mass_center
-            twist = poses.jacobian(b, center)[f] @ cdot[f]
-            linear = body.mass * twist[3:]
-            momentum[f, :3] += R @ body.inertia @ R.T @ twist[:3] + np.cross(center - point, linear)
-            momentum[f, 3:] += linear
-            if f == 2:
-                force = body.mass * np.array(model.gravity)
-                weight += np.concatenate([np.cross(center - point, force), force])
+    for b, body in enumerate(model.bodies, start=1):
+        for f in range(5):
+            momentum[f] += _momentum(poses, b, body, f, cdot[f], point)
+        center = poses.origins[2, b] + poses.rotations[2, b] @ body.mass_center
+        force = body.mass * np.array(model.gravity)
+        weight += np.concatenate([np.cross(center - point, force), force])
     rate = (momentum[0] - 8 * momentum[1] + 8 * momentum[3] - momentum[4]) / (12 * step)
     found = needed(model, motion, point)[2]
     np.testing.assert_allclose(found, rate - weight, atol=1e-7 * np.abs(found).max())
+
+
+def _momentum(poses, b, body, frame, cdot, point):
+    """Return angular and linear momentum (6,) of a body about a point, in a frame."""
+    R = poses.rotations[frame, b]
+    center = poses.origins[frame, b] + R @ body.mass_center
+    twist = poses.jacobian(b, center)[frame] @ cdot
+    linear = body.mass * twist[3:]
+    angular = R @ body.inertia @ R.T @ twist[:3] + np.cross(center - point, linear)
+    return np.concatenate([angular, linear])
 
 
 @pytest.mark.parametrize("seed", range(4))

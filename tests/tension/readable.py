@@ -247,58 +247,98 @@ def frame_program(problem: TensionProblem, frame: int) -> Program:
     that an EMG equality names; its rows are the equations of motion [N m or N]
     """
     assert problem.options.exponent == 2.0, "no quadratic program"
-    muscles = problem.assembly.tree.model.muscle_names
-    contacts = problem.contacts
     fast = problem.separable
     matrix, right, sums, measured = _matrices(problem, frame)
-    names = list(muscles) + [one.name for one in problem.actuators.actuators]
-    controls = len(names)
-    names += [] if contacts is None else contacts.generators.names
-    known = next((one for one in problem.terms if isinstance(one, EmgTarget)), None)
-    emg = _emg(problem, known, frame)
-    equality = known is not None and known.mode == "driven"
-    base = len(names)
-    if equality:
-        names += [f"{muscles[m]} excess" for m in np.flatnonzero(np.isfinite(emg))]
-    n = len(names)
-
-    def widened(values: Array, fill: float = 0.0) -> Array:
-        return np.concatenate([values, np.full(n - len(values), fill)])
-
-    def spread(rows: Array) -> Array:
-        return np.hstack([rows, np.zeros((len(rows), n - rows.shape[1]))])
-
-    costs: list[Cost] = [effort(widened(fast.weight[:controls]))]
+    names = _variable_names(problem, frame)
+    controls = len(problem.assembly.tree.model.muscle_names) + len(problem.actuators.actuators)
+    widen = _Widened(len(names))
+    costs: list[Cost] = [effort(widen.values(fast.weight[:controls]))]
     limits: list[Constraint] = []
-    if contacts is not None:
-        # A contact costs the same whatever number of sites it is made of.
-        groups = [contacts.task.sites[k].group for k in contacts.generators.site]
-        many = [
-            len({one.name for one in contacts.task.sites if one.group == name}) for name in groups
-        ]
-        cost = np.concatenate([np.zeros(controls), many * contacts.generators.cost])
-        costs.append(contact_regularisation(contacts.task.options.compliance, widened(cost)))
-        told = np.array([one.measured for one in problem.added_rows for _ in one.names], dtype=bool)
-        unit = np.concatenate([np.zeros(0), *(one.unit for one in problem.added_rows)])
-        if told.any():
-            costs.append(
-                shared_wrench(spread(sums[told]), measured[told], unit[told], MEASURED_COST)
-            )
-        bound = unit[~told]
-        limits += [(spread(sums[~told]), bound), (-spread(sums[~told]), bound)]
-    if known is not None and equality:
-        limits.append(emg_equality(emg, known.slack, base, n))
-        costs.append(effort(np.where(np.arange(n) >= base, STIFFNESS, 0.0)))
-    elif known is not None:
-        costs.append(emg_target(emg, known.weight, n))
+    if problem.contacts is not None:
+        costs += _contact_costs(problem, controls, widen)
+        more_costs, limits = _shared_rows(problem, widen.rows(sums), measured)
+        costs += more_costs
+    emg_costs, emg_limits = _emg_terms(problem, frame, len(names))
+    base = len(names) - len(_excess_names(problem, frame))
     whole = program(
-        costs,
-        [balance(spread(matrix), right)],
-        limits,
-        widened(fast.lower[:base], -np.inf),
-        widened(fast.upper[:base], np.inf),
+        costs + emg_costs,
+        [balance(widen.rows(matrix), right)],
+        limits + emg_limits,
+        widen.values(fast.lower[:base], -np.inf),
+        widen.values(fast.upper[:base], np.inf),
     )
     return replace(whole, variables=tuple(names), rows=problem.assembly.coordinates)
+
+
+@dataclass(frozen=True)
+class _Widened:
+    """Vectors and rows of the first variables, made as wide as all of them."""
+
+    count: int
+
+    def values(self, values: Array, fill: float = 0.0) -> Array:
+        return np.concatenate([values, np.full(self.count - len(values), fill)])
+
+    def rows(self, rows: Array) -> Array:
+        return np.hstack([rows, np.zeros((len(rows), self.count - rows.shape[1]))])
+
+
+def _variable_names(problem: TensionProblem, frame: int) -> list[str]:
+    names = list(problem.assembly.tree.model.muscle_names)
+    names += [one.name for one in problem.actuators.actuators]
+    if problem.contacts is not None:
+        names += problem.contacts.generators.names
+    return names + _excess_names(problem, frame)
+
+
+def _excess_names(problem: TensionProblem, frame: int) -> list[str]:
+    """Name the excess over each measured activation, where EMG drives muscles."""
+    known = _emg_target(problem)
+    if known is None or known.mode != "driven":
+        return []
+    muscles = problem.assembly.tree.model.muscle_names
+    emg = _emg(problem, known, frame)
+    return [f"{muscles[m]} excess" for m in np.flatnonzero(np.isfinite(emg))]
+
+
+def _emg_target(problem: TensionProblem) -> EmgTarget | None:
+    return next((one for one in problem.terms if isinstance(one, EmgTarget)), None)
+
+
+def _contact_costs(problem: TensionProblem, controls: int, widen: _Widened) -> list[Cost]:
+    """Return the cost of the amplitudes, which stand behind the controls."""
+    contacts = problem.contacts
+    assert contacts is not None
+    # A contact costs the same whatever number of sites it is made of.
+    groups = [contacts.task.sites[k].group for k in contacts.generators.site]
+    many = [len({one.name for one in contacts.task.sites if one.group == name}) for name in groups]
+    cost = np.concatenate([np.zeros(controls), many * contacts.generators.cost])
+    return [contact_regularisation(contacts.task.options.compliance, widen.values(cost))]
+
+
+def _shared_rows(
+    problem: TensionProblem, sums: Array, measured: Array
+) -> tuple[list[Cost], list[Constraint]]:
+    """Return costs of rows that contacts add and were measured, and bounds of the others."""
+    told = np.array([one.measured for one in problem.added_rows for _ in one.names], dtype=bool)
+    unit = np.concatenate([np.zeros(0), *(one.unit for one in problem.added_rows)])
+    costs: list[Cost] = []
+    if told.any():
+        costs.append(shared_wrench(sums[told], measured[told], unit[told], MEASURED_COST))
+    return costs, [(sums[~told], unit[~told]), (-sums[~told], unit[~told])]
+
+
+def _emg_terms(problem: TensionProblem, frame: int, n: int) -> tuple[list[Cost], list[Constraint]]:
+    """Return costs and limits of EMG among n variables, the excess last."""
+    known = _emg_target(problem)
+    if known is None:
+        return [], []
+    emg = _emg(problem, known, frame)
+    if known.mode != "driven":
+        return [emg_target(emg, known.weight, n)], []
+    base = n - int(np.isfinite(emg).sum())
+    excess = effort(np.where(np.arange(n) >= base, STIFFNESS, 0.0))
+    return [excess], [emg_equality(emg, known.slack, base, n)]
 
 
 def _matrices(problem: TensionProblem, frame: int) -> tuple[Array, Array, Array, Array]:

@@ -207,37 +207,33 @@ def test_intervals_of_a_walk_are_those_of_highs(walk):
     # Near the optimum less is open than at all, and nothing else.
     assert (found.near_low >= found.low - 1e-3).all()
     assert (found.near_high <= found.high + 1e-3).all()
-    width = found.high - found.low
-    assert (found.near_high - found.near_low).sum() < 0.5 * width.sum()
+    assert (found.near_high - found.near_low).sum() < 0.5 * (found.high - found.low).sum()
     frames = np.arange(0, len(motion), 7)
     dense = solved_frames(problem, tension, frames)
-    lower, upper = open_bounds(problem, dense, options)
+    bounds = np.stack(open_bounds(problem, dense, options), axis=2)
+    functions = group_functions(problem, dense, _members(problem, found.groups))
+    # Of the three components, then of the normal force
+    low = np.concatenate([found.low, found.normal_low[..., None]], axis=2)[frames]
+    high = np.concatenate([found.high, found.normal_high[..., None]], axis=2)[frames]
+    for k, g, i in np.ndindex(functions.shape[:3]):
+        least, most = _extremes(functions[k, g, i], dense.A[k], dense.x[k], bounds[k])
+        assert low[k, g, i] == pytest.approx(least, abs=2e-3)
+        assert high[k, g, i] == pytest.approx(most, abs=2e-3)
+
+
+def _members(problem, groups):
+    """Return for each group which amplitudes are its own."""
     columns = problem.contacts.generators
-    members = [
-        np.array([columns.sites[k].group == name for k in columns.site]) for name in found.groups
+    return [np.array([columns.sites[k].group == name for k in columns.site]) for name in groups]
+
+
+def _extremes(cost, A, x, bounds):
+    """Return the least and greatest cost . y with A y = A x within bounds (n, 2), by HiGHS."""
+    both = [
+        linprog(sign * cost, A_eq=A, b_eq=A @ x, bounds=bounds, method="highs").fun
+        for sign in (1.0, -1.0)
     ]
-    functions = group_functions(problem, dense, members)
-    for k, frame in enumerate(frames):
-        for g in range(len(found.groups)):
-            for i, kind in ((0, 0), (1, 1), (2, 2), (3, 3)):
-                cost = functions[k, g, i]
-                both = [
-                    linprog(
-                        sign * cost,
-                        A_eq=dense.A[k],
-                        b_eq=dense.A[k] @ dense.x[k],
-                        bounds=np.column_stack([lower[k], upper[k]]),
-                        method="highs",
-                    )
-                    for sign in (1.0, -1.0)
-                ]
-                low, high = (
-                    (found.low[frame, g, i], found.high[frame, g, i])
-                    if kind < 3
-                    else (found.normal_low[frame, g], found.normal_high[frame, g])
-                )
-                assert low == pytest.approx(both[0].fun, abs=2e-3)
-                assert high == pytest.approx(-both[1].fun, abs=2e-3)
+    return both[0], -both[1]
 
 
 def test_known_activations_narrow_what_is_left_open(walk):

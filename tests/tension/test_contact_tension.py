@@ -451,28 +451,14 @@ def test_contacts_first_solves_the_equations_of_the_floating_body_alone(walker):
         np.testing.assert_allclose(found.contacts.contact_force[frame], forces[0], atol=0.1)
 
 
-def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
-    """Two walkers in one tree.
-
-    Each obeys Newton's law with the hold's force on it, and the ground's.
-    """
-    model, motion, _, _ = walker
-    part = Motion(
-        motion.time[:4],
-        motion.names,
-        motion.values[:4],
-        velocities=motion.velocities[:4],
-        accelerations=motion.accelerations[:4],
-    )
-    feet = soles()
-    pair = join_models({"one": model, "two": model})
-    together = join_motions({"one": part, "two": part})
-    sites = [
+def _feet_and_hold():
+    """Return the soles of two walkers, and a hand of the first that holds one of the second."""
+    feet = [
         replace(
             site, name=f"{who}_{site.name}", body=f"{who}_{site.body}", group=f"{who}_{site.group}"
         )
         for who in ("one", "two")
-        for site in feet
+        for site in soles()
     ]
     hold = Site(
         name="hold",
@@ -481,22 +467,33 @@ def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
         cone=Cone(direction=None, grip=0.05),
         against="two_hand_l",
     )
+    return (*feet, hold)
+
+
+def test_two_bodies_that_hold_each_other_pass_equal_and_opposite_forces(walker):
+    """Two walkers in one tree.
+
+    Each obeys Newton's law with the hold's force on it, and the ground's.
+    """
+    model, motion = walker[:2]
+    part = motion.frames(np.arange(4))
+    pair = join_models({"one": model, "two": model})
+    together = join_motions({"one": part, "two": part})
     ready = np.hstack([task(model, motion).activations.values[:4]] * 2 + [np.ones((4, 1))])
     # One of them must lean on the other: the feet of the second have no hold.
     ready[:, 12:24] = 0.0
-    names = tuple(site.name for site in (*sites, hold))
+    sites = _feet_and_hold()
+    names = tuple(site.name for site in sites)
     ask = ContactTask(
-        (*sites, hold), Series(part.time, names, ready), options=ContactOptions(smoothness=0.0)
+        sites, Series(part.time, names, ready), options=ContactOptions(smoothness=0.0)
     )
     found = solve_tension(pair, together, inverse_dynamics(pair, together), contacts=ask)
     assert found.optimal.all()
-    mass = sum(body.mass for body in model.bodies)
-    wanted = mass * (_acceleration_of_the_center(model, part) - model.gravity)
+    wanted = model.mass * (_acceleration_of_the_center(model, part) - model.gravity)
     passed = found.contacts.of("hold")
     for who, on_it in (("one", passed), ("two", -passed)):
-        ground = found.contacts.contact_force[:, [name.startswith(who) for name in names]].sum(
-            axis=1
-        )
+        own = [name.startswith(who) for name in names]
+        ground = found.contacts.contact_force[:, own].sum(axis=1)
         letters = [found.reserve_names.index(f"residual_F{a}_{who}_pelvis") for a in "XYZ"]
         np.testing.assert_allclose(
             ground + on_it + found.actuator_force[:, letters], wanted, atol=0.02

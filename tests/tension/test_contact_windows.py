@@ -38,30 +38,39 @@ def _all_at_once(problem, stiffness) -> np.ndarray:
 
     They are by an interior-point method.
     """
-    clarabel = pytest.importorskip("clarabel")
     frames, generators = problem.amplitudes.shape
     programs = [frame_program(problem, k) for k in range(frames)]
     n = len(programs[0].c)
     H = sp.block_diag(
         [np.diag(one.H) if one.H.ndim == 1 else one.H for one in programs], format="lil"
     )
+    _add_smoothness(H, problem, stiffness, n)
+    return _solved_by_clarabel(H, programs).reshape(frames, n)[:, n - generators :]
+
+
+def _add_smoothness(H, problem, stiffness, n):
+    """Add the links between frames of n variables, of which the amplitudes come last."""
+    frames, generators = problem.amplitudes.shape
     first = n - generators
-    scale = (
-        problem.contacts.amounts
-        / problem.contacts.generators.weight[problem.contacts.generators.site]
-    )
+    contacts = problem.contacts
+    scale = contacts.amounts / contacts.generators.weight[contacts.generators.site]
     for k in range(1, frames):
         for g in np.flatnonzero((scale[k] > 0.0) & (scale[k - 1] > 0.0)):
-            weight = 2.0 * stiffness[k - 1] * problem.contacts.cost[g]
+            weight = 2.0 * stiffness[k - 1] * contacts.cost[g]
             now = k * n + first + g
             before = (k - 1) * n + first + g
             H[now, now] += weight * scale[k, g] ** 2
             H[before, before] += weight * scale[k - 1, g] ** 2
             H[now, before] -= weight * scale[k, g] * scale[k - 1, g]
             H[before, now] -= weight * scale[k, g] * scale[k - 1, g]
+
+
+def _solved_by_clarabel(H, programs):
+    """Return the variables (frames n,) of least cost with this H, within the frames' limits."""
+    clarabel = pytest.importorskip("clarabel")
     lower = np.concatenate([one.lower for one in programs])
     upper = np.concatenate([one.upper for one in programs])
-    eye = sp.eye(frames * n, format="csr")
+    eye = sp.eye(len(lower), format="csr")
     low = np.isfinite(lower)
     high = np.isfinite(upper)
     rows = sp.csc_matrix(
@@ -74,10 +83,8 @@ def _all_at_once(problem, stiffness) -> np.ndarray:
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
     c = np.concatenate([one.c for one in programs])
-    found = clarabel.DefaultSolver(
-        sp.csc_matrix(sp.triu(H)), c, rows, right, cones, settings
-    ).solve()
-    return np.array(found.x).reshape(frames, n)[:, first:]
+    solver = clarabel.DefaultSolver(sp.csc_matrix(sp.triu(H)), c, rows, right, cones, settings)
+    return np.array(solver.solve().x)
 
 
 @pytest.mark.parametrize("smoothness", [0.3, 3.0, 30.0])

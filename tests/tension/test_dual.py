@@ -313,17 +313,15 @@ def test_an_inequality_is_a_row_with_an_unknown_of_its_own():
     limit[0, :40] = 1.0
     free = solve(directions, low, high, torques)[0][0]
     most = 0.9 * (limit @ free)
-    cost = [effort(np.ones(count))]
     equation = [balance(directions, torques)]
-    held = solve_program(program(cost, equation, [(limit, most)], low, high))
+    held = solve_program(program([effort(np.ones(count))], equation, [(limit, most)], low, high))
     A = np.block([[directions, np.zeros((len(directions), 1))], [limit, np.ones((1, 1))]])
-    weights = np.append(np.ones(count), 1e-6)
     x, status, _, _, _ = solve(
         A,
         np.append(low, 0.0),
         np.append(high, np.inf),
         np.append(torques, most),
-        Cost(exponent=2.0, weights=weights),
+        Cost(exponent=2.0, weights=np.append(np.ones(count), 1e-6)),
     )
     assert status[0] == OPTIMAL
     assert (limit @ x[0, :count])[0] <= most[0] + 1e-6

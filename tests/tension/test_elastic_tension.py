@@ -104,21 +104,17 @@ def test_stiffer_tendons_come_nearer_to_rigid_ones(data):
     assert far[1] < 0.01
 
 
-def test_a_general_solver_finds_no_less_effort(data):
-    model, motion, torques = arm(data, count=10)
-    found = solve_tension(model, motion, torques, replace(ACTIVE, activation_dynamics=False))
+def _activations_of_forces(model, time, paths):
+    """Return a function of normalized tendon forces (frames, 6) that gives activations between.
+
+    Between frames lengths and speeds of the paths are those of a cubic.
+    """
     H = compile_hill(model)
-    paths = muscle_kinematics(model, motion)
     L = paths.muscle_length
     V = paths.muscle_velocity
-    time = motion.time
     dt = np.diff(time)[:, None]
     middle = 0.5 * (L[1:] + L[:-1]) + dt / 8.0 * (V[:-1] - V[1:])
     speed = 1.5 * np.diff(L, axis=0) / dt - 0.25 * (V[1:] + V[:-1])
-    arms = paths.moment_arm[:, :, [model.coordinate_names.index(one) for one in found.coordinates]]
-    share = np.ones((len(time), 1))
-    share[[0, -1]] = 0.5
-
     curves = [muscle_model(muscle).curves(muscle) for muscle in model.muscles]
     stretches = [muscle_model(muscle).stretch(muscle) for muscle in model.muscles]
 
@@ -134,18 +130,34 @@ def test_a_general_solver_finds_no_less_effort(data):
         pull -= 0.25 * SLACKENED**2 / pull
         return pull / (factor * np.maximum(curves[0].velocity(v), 0.0) + FLOOR)
 
+    return activations
+
+
+def test_a_general_solver_finds_no_less_effort(data):
+    model, motion, torques = arm(data, count=10)
+    found = solve_tension(model, motion, torques, replace(ACTIVE, activation_dynamics=False))
+    force = compile_hill(model).force
+    paths = muscle_kinematics(model, motion)
+    arms = paths.moment_arm[:, :, [model.coordinate_names.index(one) for one in found.coordinates]]
+    share = np.ones((len(motion), 1))
+    share[[0, -1]] = 0.5
+    activations = _activations_of_forces(model, motion.time, paths)
+
     def cost(flat):
-        f = flat.reshape(len(time), 6)
+        f = flat.reshape(len(motion), 6)
         a = activations(f)
-        left = found.balanced_torque - np.einsum("kmj,km->kj", arms, f * H.force)
+        left = found.balanced_torque - np.einsum("kmj,km->kj", arms, f * force)
         outside = np.maximum(a - 1.0, 0.0) ** 2 + np.maximum(-a, 0.0) ** 2
         return (a**2).sum() + (share * left**2).sum() + 1e4 * outside.sum()
 
-    ours = found.muscle_force / H.force
-    start = np.full_like(ours, 0.1)
-    bounds = [(1e-3, 2.0)] * ours.size
-    options = {"maxiter": 3000, "maxfun": 400000}
-    other = minimize(cost, start.ravel(), method="L-BFGS-B", bounds=bounds, options=options)
+    ours = found.muscle_force / force
+    other = minimize(
+        cost,
+        np.full(ours.size, 0.1),
+        method="L-BFGS-B",
+        bounds=[(1e-3, 2.0)] * ours.size,
+        options={"maxiter": 3000, "maxfun": 400000},
+    )
     assert cost(ours.ravel()) < 1.01 * other.fun + 1e-3
 
 

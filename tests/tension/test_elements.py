@@ -42,37 +42,44 @@ def arrays(kind: str, count: int):
     return compile_elastic(model(kind, count), True)
 
 
-@pytest.mark.parametrize("kind", CLASSES)
-def test_derivatives_of_equilibrium_are_those_of_finite_differences(kind):
+def _elements_of(kind, rng):
+    """Return a function of forces (frames, count) and activations that gives the elements."""
     E = arrays(kind, COUNT)
-    own = np.arange(COUNT)
-    rng = np.random.default_rng(0)
     shape = (FRAMES - 1, COUNT)
-    f = rng.uniform(0.03, 1.3, (FRAMES, COUNT))
-    a = rng.uniform(0.05, 0.95, shape)
-    H = E.hill
-    steps = np.full(FRAMES - 1, 0.02)
-    lengths = 1.02 * H.tendon + H.fiber * rng.uniform(0.6, 1.4, shape)
-    speeds = H.fiber * rng.uniform(-3.0, 3.0, shape)
+    lengths = 1.02 * E.hill.tendon + E.hill.fiber * rng.uniform(0.6, 1.4, shape)
+    speeds = E.hill.fiber * rng.uniform(-3.0, 3.0, shape)
 
     def of(f, a):
         out = np.empty((*shape, 10))
-        elements(E, own, f, a, lengths, speeds, steps, out)
+        steps = np.full(FRAMES - 1, 0.02)
+        elements(E, np.arange(COUNT), f, a, lengths, speeds, steps, out)
         return out
 
-    at = of(f, a)
-    h = 1e-6
-    over_a = (of(f, a + h) - of(f, a - h)) / (2.0 * h)
+    return of
+
+
+def _differences_of_ends(of, f, a, h):
+    """Return differences of the elements over the forces at their first and last frames."""
     over = []
     for first in (0, 1):
         # Every second frame moves, so that of each element one end does.
         moved = np.zeros_like(f)
         moved[first::2] = h
         over.append((of(f + moved, a) - of(f - moved, a)) / (2.0 * h))
-    even = (np.arange(FRAMES - 1) % 2 == 0)[:, None, None]
-    over_k = np.where(even, over[0], over[1])
-    over_n = np.where(even, over[1], over[0])
-    told = at[..., [1, 2, 3, 4, 5, 6, 7, 8, 9]]
+    even = (np.arange(len(a)) % 2 == 0)[:, None, None]
+    return np.where(even, over[0], over[1]), np.where(even, over[1], over[0])
+
+
+@pytest.mark.parametrize("kind", CLASSES)
+def test_derivatives_of_equilibrium_are_those_of_finite_differences(kind):
+    rng = np.random.default_rng(0)
+    f = rng.uniform(0.03, 1.3, (FRAMES, COUNT))
+    a = rng.uniform(0.05, 0.95, (FRAMES - 1, COUNT))
+    of = _elements_of(kind, rng)
+    h = 1e-6
+    over_a = (of(f, a + h) - of(f, a - h)) / (2.0 * h)
+    over_k, over_n = _differences_of_ends(of, f, a, h)
+    told = of(f, a)[..., [1, 2, 3, 4, 5, 6, 7, 8, 9]]
     found = np.stack(
         [
             over_k[..., 0],

@@ -148,8 +148,7 @@ def test_loads_on_a_body_come_back_at_the_joint_that_holds_it():
     """A body without gravity, pushed at two points: its joint pushes back at the same points."""
     model = replace(random_tree(4), gravity=np.zeros(3))
     joint = model.joints[-1]
-    rng = np.random.default_rng(4)
-    c = rng.normal(scale=0.5, size=(3, len(model.coordinates)))
+    c = np.random.default_rng(4).normal(scale=0.5, size=(3, len(model.coordinates)))
     motion = Motion(
         time=np.arange(3.0),
         names=model.coordinate_names,
@@ -159,17 +158,17 @@ def test_loads_on_a_body_come_back_at_the_joint_that_holds_it():
     )
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    b = tree.body_index[joint.child]
+    turn = poses.rotations[:, tree.body_index[joint.child]]
+    origin = poses.origins[:, tree.body_index[joint.child], None]
     pushes = np.array([700.0, 300.0])
     normal = (0.3, -0.9, 0.1)
-    direction = poses.rotations[:, b] @ unit(np.array(normal))
-    places = poses.origins[:, b, None] + np.einsum("fij,pj->fpi", poses.rotations[:, b], PAIR)
+    direction = turn @ unit(np.array(normal))
     wrenches = Wrenches(
         time=motion.time,
         names=("one", "other"),
         bodies=(joint.child,) * 2,
         forces=-pushes[:, None] * direction[:, None],
-        points=places,
+        points=origin + np.einsum("fij,pj->fpi", turn, PAIR),
         torques=np.zeros((3, 2, 3)),
     )
     points = [

@@ -94,6 +94,42 @@ def angular_rates(c, speeds, names):
     return turned
 
 
+def _differs_in_opensim(muscle):
+    """Whether OpenSim's force of a muscle may not fit its length."""
+    moving = any(isinstance(point, MovingPathPoint) for point in muscle.path.points)
+    return moving or len(muscle.path.wraps) > 1
+
+
+def _at_rest(model, motion):
+    """Return the motion's poses and accelerations at rest, its loops closed."""
+    locked = np.array([one.locked for one in model.coordinates])
+    still = replace(
+        motion,
+        velocities=np.zeros_like(motion.values),
+        accelerations=np.where(locked, 0.0, motion.accelerations),
+    )
+    return closed_motion(model, still)[0]
+
+
+def _add_reserves(theirs, reserves):
+    import opensim
+
+    for one in reserves:
+        made = opensim.CoordinateActuator(one.coordinate)
+        made.setName(one.name)
+        theirs.addForce(made)
+
+
+def _pull(forces, state, actuators, frame):
+    """Let OpenSim's actuators act with the forces (frames,) of a frame."""
+    import opensim
+
+    for name, values in actuators:
+        one = opensim.ScalarActuator.safeDownCast(forces.get(name))
+        one.overrideActuation(state, True)
+        one.setOverrideActuation(state, float(values[frame]))
+
+
 def test_opensim_moves_as_wanted_under_these_tensions(shoulder, data):
     """OpenSim's forward dynamics returns the accelerations we began from.
 
@@ -104,32 +140,18 @@ def test_opensim_moves_as_wanted_under_these_tensions(shoulder, data):
     opensim = pytest.importorskip("opensim")
     opensim.Logger.setLevelString("Off")
     model, motion, _ = shoulder
-    off = {
-        one.name
-        for one in model.muscles
-        if len(one.path.wraps) > 1
-        or any(isinstance(point, MovingPathPoint) for point in one.path.points)
-    }
+    off = {one.name for one in model.muscles if _differs_in_opensim(one)}
     model = replace(
         model, muscles=tuple(replace(one, enabled=one.name not in off) for one in model.muscles)
     )
-    locked = np.array([one.locked for one in model.coordinates])
-    still = replace(
-        motion,
-        velocities=np.zeros_like(motion.values),
-        accelerations=np.where(locked, 0.0, motion.accelerations),
-    )
-    still, _ = closed_motion(model, still)
+    still = _at_rest(model, motion)
     tau = inverse_dynamics(model, still)
     # OpenSim's reserves act on its speeds, so the scapula gets none.
     reserves = [one for one in default_reserves(model, 20.0, 1.0) if "scapula" not in one.name]
     tension = solve_tension(model, still, tau, TensionOptions(passive=False), reserves)
     assert tension.optimal.all()
     theirs = opensim.Model(str(data(f"{FOLDER}/model_cmc/TSM_subject_CMC_noWeight.osim")))
-    for one in reserves:
-        made = opensim.CoordinateActuator(one.coordinate)
-        made.setName(one.name)
-        theirs.addForce(made)
+    _add_reserves(theirs, reserves)
     state = theirs.initSystem()
     names = model.coordinate_names
     named = theirs.getCoordinateSet()
@@ -141,10 +163,7 @@ def test_opensim_moves_as_wanted_under_these_tensions(shoulder, data):
     for frame in range(len(still)):
         for j, name in enumerate(names):
             named.get(name).setValue(state, float(still.values[frame, j]), False)
-        for name, values in actuators:
-            one = opensim.ScalarActuator.safeDownCast(forces.get(name))
-            one.overrideActuation(state, True)
-            one.setOverrideActuation(state, float(values[frame]))
+        _pull(forces, state, actuators, frame)
         for name in off:
             opensim.Muscle.safeDownCast(forces.get(name)).setAppliesForce(state, False)
         theirs.realizeAcceleration(state)

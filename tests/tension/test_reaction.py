@@ -138,7 +138,27 @@ def test_actuators_and_bushings_do_on_bodies_what_they_do_along_coordinates():
     c = rng.normal(scale=0.4, size=(3, 8))
     rates = rng.normal(size=(3, 8))
     poses = forward_kinematics(tree, c)
-    actuators = [
+    actuators = _actuators(rng)
+    P = compile_body_actuators(tree, actuators)
+    entries = np.empty((3, len(P.coordinate)))
+    body_directions(tree.arrays, P, c, entries)
+    for a in range(len(actuators)):
+        force = np.zeros((3, len(actuators)))
+        force[:, a] = 2.5
+        wanted = np.zeros_like(c)
+        here = slice(P.start[a], P.start[a + 1])
+        wanted[:, P.coordinate[here]] = 2.5 * entries[:, here]
+        found = along_coordinates(tree, c, of_actuators(tree, poses, actuators, force))
+        np.testing.assert_allclose(found, wanted, atol=1e-11)
+    bush = _bushing(rng)
+    found = along_coordinates(tree, c, of_bushings(tree, poses, [bush], rates))
+    np.testing.assert_allclose(found, bushing_forces(tree, [bush], c, rates), atol=1e-10)
+    np.testing.assert_allclose(of_bushings(tree, poses, [bush], rates).sum(axis=1), 0.0, atol=1e-11)
+
+
+def _actuators(rng):
+    """Return an actuator of each kind on bodies."""
+    return [
         Actuator(
             "a", "point", 1.0, body="body3", point=rng.normal(size=3), direction=rng.normal(size=3)
         ),
@@ -167,21 +187,13 @@ def test_actuators_and_bushings_do_on_bodies_what_they_do_along_coordinates():
             direction=rng.normal(size=3),
         ),
     ]
-    P = compile_body_actuators(tree, actuators)
-    entries = np.empty((3, len(P.coordinate)))
-    body_directions(tree.arrays, P, c, entries)
-    for a in range(len(actuators)):
-        force = np.zeros((3, len(actuators)))
-        force[:, a] = 2.5
-        wanted = np.zeros_like(c)
-        here = slice(P.start[a], P.start[a + 1])
-        wanted[:, P.coordinate[here]] = 2.5 * entries[:, here]
-        found = along_coordinates(tree, c, of_actuators(tree, poses, actuators, force))
-        np.testing.assert_allclose(found, wanted, atol=1e-11)
+
+
+def _bushing(rng):
     pose_1 = Transform(random_rotation(rng), 0.1 * rng.normal(size=3))
     pose_2 = Transform(random_rotation(rng), 0.1 * rng.normal(size=3))
     turning, turning_rate, shifting, shifting_rate = rng.uniform(1.0, 5.0, (4, 3))
-    bush = Bushing(
+    return Bushing(
         name="bush",
         body_1="body1",
         body_2="body6",
@@ -192,9 +204,6 @@ def test_actuators_and_bushings_do_on_bodies_what_they_do_along_coordinates():
         translational_stiffness=shifting,
         translational_damping=shifting_rate,
     )
-    found = along_coordinates(tree, c, of_bushings(tree, poses, [bush], rates))
-    np.testing.assert_allclose(found, bushing_forces(tree, [bush], c, rates), atol=1e-10)
-    np.testing.assert_allclose(of_bushings(tree, poses, [bush], rates).sum(axis=1), 0.0, atol=1e-11)
 
 
 def test_a_reaction_works_on_its_joints_coordinates_only_through_what_acts_there(walk):
@@ -205,44 +214,41 @@ def test_a_reaction_works_on_its_joints_coordinates_only_through_what_acts_there
     model, motion, wrenches, tension = walk
     found = joint_reactions(model, motion, tension, wrenches, frame="ground")
     assert tension.optimal.all()
-    lost = left_over(model, compile_tree(model).coordinates_of(motion), tension.muscle_force)
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    lost = left_over(model, tree.coordinates_of(motion), tension.muscle_force)
     for name in ("hip_flexion_r", "ankle_angle_l", "elbow_flex_r", "lumbar_extension"):
         joint = next(one for one in model.joints if name in one.coordinates)
-        tree = compile_tree(model)
-        poses = forward_kinematics(tree, tree.coordinates_of(motion))
         k = found.joints.index(joint.name)
         j = model.coordinate_names.index(name)
-        # Reserves, and the model's own actuators where it has them: all that acts along the
-        # coordinate.
-        acting = [one.name for one in model.actuators if one.coordinate == name] + [
-            f"reserve_{name}"
-        ]
-        given = sum(tension.actuator_force[:, tension.reserve_names.index(one)] for one in acting)
-        springs = [one for one in model.passive_torques if one.coordinate == name]
-        given = given + sum(
-            one.total(motion[name], motion.velocities[:, motion.names.index(name)])
-            for one in springs
-        )
+        given = _acting_along(model, motion, tension, name)
         for frame in range(len(motion)):
-            child = tree.body_index[joint.child]
-            point = (
-                poses.origins[frame, child]
-                + poses.rotations[frame, child] @ joint.child_frame.translation
-            )
-            own = (
-                poses.jacobian(tree.body_index[joint.child], point)[frame][:, j]
-                if joint.child != GROUND
-                else np.zeros(6)
-            )
-            parents = (
-                poses.jacobian(tree.body_index[joint.parent], point)[frame][:, j]
-                if joint.parent != GROUND
-                else np.zeros(6)
-            )
-            work = (own - parents) @ np.concatenate(
-                [found.moments[frame, k], found.forces[frame, k]]
-            )
+            relative = _relative_jacobian(poses, joint, frame)[:, j]
+            work = relative @ np.concatenate([found.moments[frame, k], found.forces[frame, k]])
             np.testing.assert_allclose(work, given[frame], atol=1e-5 + lost[frame])
+
+
+def _acting_along(model, motion, tension, name):
+    """Return the force (frames,) of reserves, own actuators and springs along a coordinate."""
+    acting = [one.name for one in model.actuators if one.coordinate == name] + [f"reserve_{name}"]
+    given = sum(tension.actuator_force[:, tension.reserve_names.index(one)] for one in acting)
+    springs = [one for one in model.passive_torques if one.coordinate == name]
+    speed = motion.velocities[:, motion.names.index(name)]
+    return given + sum(one.total(motion[name], speed) for one in springs)
+
+
+def _relative_jacobian(poses, joint, frame):
+    """Return the Jacobian (6, coordinates) of a joint's child against its parent at the joint."""
+    child = poses.tree.body_index[joint.child]
+    point = poses.origins[frame, child] + poses.rotations[frame, child] @ (
+        joint.child_frame.translation
+    )
+
+    def of(body):
+        jacobian = poses.jacobian(poses.tree.body_index[body], point)[frame]
+        return np.zeros_like(jacobian) if body == GROUND else jacobian
+
+    return of(joint.child) - of(joint.parent)
 
 
 def test_the_table_has_one_column_a_joint_with_a_plain_name(walk):
@@ -284,30 +290,23 @@ def test_side_and_frame_say_the_same_load(walk):
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     joint = next(one for one in model.joints if one.name == "walker_knee_r")
-    names = ["walker_knee_r"] * 4
-    on = ["child", "child", "parent", "child"]
     found = joint_reactions(
-        model, motion, tension, wrenches, names, on, ["ground", "child", "parent", "pelvis"]
+        model,
+        motion,
+        tension,
+        wrenches,
+        ["walker_knee_r"] * 4,
+        ["child", "child", "parent", "child"],
+        ["ground", "child", "parent", "pelvis"],
     )
     assert found.frames == ("ground", "tibia_r", "femur_r", "pelvis")
     assert found.bodies == ("tibia_r", "tibia_r", "femur_r", "tibia_r")
-    turn = {
-        name: poses.rotations[:, tree.body_index[name]]
-        for name in (GROUND, "tibia_r", "femur_r", "pelvis")
-    }
-    place = {name: poses.origins[:, tree.body_index[name]] for name in turn}
-    ground = [
-        np.einsum("fij,fj->fi", turn[name], found.forces[:, k])
-        for k, name in enumerate(found.frames)
-    ]
-    points = [
-        place[name] + np.einsum("fij,fj->fi", turn[name], found.points[:, k])
-        for k, name in enumerate(found.frames)
-    ]
-    moments = [
-        np.einsum("fij,fj->fi", turn[name], found.moments[:, k])
-        for k, name in enumerate(found.frames)
-    ]
+    numbers = [tree.body_index[name] for name in found.frames]
+    turns = poses.rotations[:, numbers]
+    ground = np.einsum("fkij,fkj->kfi", turns, found.forces)
+    moments = np.einsum("fkij,fkj->kfi", turns, found.moments)
+    points = np.einsum("fkij,fkj->kfi", turns, found.points)
+    points = points + np.moveaxis(poses.origins[:, numbers], 1, 0)
     np.testing.assert_allclose(ground[1], ground[0], atol=1e-9)
     np.testing.assert_allclose(ground[3], ground[0], atol=1e-9)
     np.testing.assert_allclose(ground[2], -ground[0], atol=1e-9)
@@ -361,6 +360,30 @@ def test_external_forces_pass_through_the_joints_below_them():
     assert np.isfinite(of_wrenches(compile_tree(model), silent)).all()
 
 
+def _plates(table, time):
+    """Return the forces of both plates at some times, without free torques."""
+    at = np.searchsorted(table.time, time - 1e-6)
+
+    def of(quantity):
+        return np.stack(
+            [
+                np.column_stack([table[f"{side}ground_force_{quantity}{x}"][at] for x in "xyz"])
+                for side in ("", "1_")
+            ],
+            1,
+        )
+
+    forces = of("v")
+    return Wrenches(
+        time=time,
+        names=("r", "l"),
+        bodies=("calcn_r", "calcn_l"),
+        forces=forces,
+        points=of("p"),
+        torques=np.zeros_like(forces),
+    )
+
+
 def test_reactions_of_a_study_with_its_own_forces(data):
     """Uhlrich et al. 2022: reactions of the study's muscle forces.
 
@@ -371,7 +394,6 @@ def test_reactions_of_a_study_with_its_own_forces(data):
     states = read_sto(data(STUDY + "results_SO/results_states.sto"))
     forces = read_sto(data(STUDY + "results_SO/results_forces.sto"))
     expected = read_sto(data(STUDY + "results_SO/results_JointReaction_JointRxn_ReactionLoads.sto"))
-    plates = read_sto(data(STUDY + "walking_baseline1_forces.mot"))
     given = motion_from_table(states, model)
     speeds = {name.split("/")[-2]: states[name] for name in states.names if name.endswith("/speed")}
     motion = replace(
@@ -379,29 +401,7 @@ def test_reactions_of_a_study_with_its_own_forces(data):
         velocities=np.column_stack([speeds[name] for name in given.names]),
         accelerations=np.zeros_like(given.values),
     )
-    at = np.searchsorted(plates.time, motion.time - 1e-6)
-    force = np.stack(
-        [
-            np.column_stack([plates[f"{side}ground_force_v{x}"][at] for x in "xyz"])
-            for side in ("", "1_")
-        ],
-        1,
-    )
-    point = np.stack(
-        [
-            np.column_stack([plates[f"{side}ground_force_p{x}"][at] for x in "xyz"])
-            for side in ("", "1_")
-        ],
-        1,
-    )
-    wrenches = Wrenches(
-        time=motion.time,
-        names=("r", "l"),
-        bodies=("calcn_r", "calcn_l"),
-        forces=force,
-        points=point,
-        torques=np.zeros_like(force),
-    )
+    wrenches = _plates(read_sto(data(STUDY + "walking_baseline1_forces.mot")), motion.time)
     reserves = tuple(name for name in forces.names if name.endswith("_reserve"))
     actuators = [
         Actuator(name, "coordinate", 1.0, coordinate=name.removesuffix("_reserve"))

@@ -78,35 +78,37 @@ def test_co_contraction_is_at_least_what_is_asked_for(data):
     """The weaker side of the ankle, from moment arms and forces alone."""
     model, motion, wrenches = walk(data, KEEP)
     tau = inverse_dynamics(model, motion, wrenches)
-    arms = compile_paths(model)
-    own = np.zeros((len(motion), len(model.muscles)))
-    ankle = model.coordinate_names.index("ankle_angle_r")
-    values = arms.evaluate(*values_and_rates(compile_tree(model), motion))[2]
-    use = np.flatnonzero(arms.arm_coordinate == ankle)
-    own[:, arms.arm_muscle[use]] = values[:, use]
-
-    def weaker(found):
-        sides = [
-            np.maximum(sign * own * found.muscle_force, 0.0).sum(axis=1) for sign in (1.0, -1.0)
-        ]
-        return np.minimum(*sides)
-
+    own = _arms_of(model, motion, "ankle_angle_r")
     alone = solve_tension(model, motion, tau, recruitment=EFFORT_ALONE)
-    levels = (0.05, 0.2)
-    before = weaker(alone)
-    for level in levels:
+    before = _weaker_side(own * alone.muscle_force)
+    for level in (0.05, 0.2):
         term = CoContractionTerm(
             model=model, motion=motion, torques=tau, level=level, coordinates=("ankle_angle_r",)
         )
         found = solve_tension(model, motion, tau, recruitment=EFFORT_ALONE, terms=[term])
         assert found.optimal.all()
-        full = found.muscle_force / np.maximum(found.activation, 1e-9)
-        can = np.minimum(*[np.maximum(sign * own * full, 0.0).sum(axis=1) for sign in (1.0, -1.0)])
+        weaker = _weaker_side(own * found.muscle_force)
+        can = _weaker_side(own * (found.muscle_force / np.maximum(found.activation, 1e-9)))
         use = found.activation.min(axis=1) > 1e-8
-        assert (weaker(found) >= before - 1e-3).all()
+        assert (weaker >= before - 1e-3).all()
         if use.any():
-            assert (weaker(found)[use] / can[use] > 0.9 * level).all()
-    assert weaker(found).mean() > 2.0 * before.mean() + 1.0
+            assert (weaker[use] / can[use] > 0.9 * level).all()
+    assert weaker.mean() > 2.0 * before.mean() + 1.0
+
+
+def _arms_of(model, motion, coordinate):
+    """Return moment arms (frames, muscles) of a coordinate alone [m]."""
+    paths = compile_paths(model)
+    values = paths.evaluate(*values_and_rates(compile_tree(model), motion))[2]
+    use = np.flatnonzero(paths.arm_coordinate == model.coordinate_names.index(coordinate))
+    own = np.zeros((len(motion), len(model.muscles)))
+    own[:, paths.arm_muscle[use]] = values[:, use]
+    return own
+
+
+def _weaker_side(torques):
+    """Return the smaller of the sums of positive and negative torques (frames, muscles)."""
+    return np.minimum(*[np.maximum(sign * torques, 0.0).sum(axis=1) for sign in (1.0, -1.0)])
 
 
 def test_what_is_asked_wrongly_is_refused(data):
@@ -158,9 +160,9 @@ def test_with_contacts_joint_loads_are_a_cost_of_the_tensions_under_their_forces
         Measurements(motion, wrenches),
     )
     plan = ContactPlan(measured="hidden")
-    asked = RecruitmentOptions(joint_load=1.0, joint_load_joints="walker_knee_r")
-    plain, _ = tension_task(*setup, plan).solved(lambda done: None)
-    task = tension_task(*setup, plan, recruitment=asked)
+    options = RecruitmentOptions(joint_load=1.0, joint_load_joints="walker_knee_r")
+    plain = tension_task(*setup, plan).solved(lambda done: None)[0]
+    task = tension_task(*setup, plan, recruitment=options)
     found, solution = task.solved(lambda done: None)
     assert solution is not None
     assert found.optimal.all()

@@ -159,6 +159,17 @@ def test_what_plates_are_off_anyway_is_good_to_know():
     assert relaxation_messages(every[:1], 100, 1.0)[0].gravity == "good to know"
 
 
+def _frames_alone(activations, groups):
+    """Return the foot that stands alone in most frames, and these frames."""
+    standing = {g: activations[:, groups == g].max(axis=1) > 0.5 for g in set(groups)}
+    alone = {
+        g: np.flatnonzero(standing[g] & ~np.any([standing[h] for h in standing if h != g], axis=0))
+        for g in standing
+    }
+    foot = max(alone, key=lambda g: len(alone[g]))
+    return foot, alone[foot]
+
+
 def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
     """The stance foot's contacts are taken away in two frames.
 
@@ -168,20 +179,13 @@ def test_a_foot_that_is_forgotten_in_a_walk_is_found(data):
     whole = differentiate(
         motion_from_table(read_sto(data("rajagopal-walk-emg/coordinates.sto")), model), 6.0
     )
-    keep = np.arange(300, 900, 50)
-    motion = whole.frames(keep)
+    motion = whole.frames(np.arange(300, 900, 50))
     sites = foot_sites(model)
     ready = contact_activations(model, motion, sites, find_contacts(model, motion, sites))
     groups = np.array([one.group for one in sites])
-    standing = {g: ready.values[:, groups == g].max(axis=1) > 0.5 for g in set(groups)}
-    alone = {
-        g: np.flatnonzero(standing[g] & ~np.any([standing[h] for h in standing if h != g], axis=0))
-        for g in standing
-    }
-    foot = max(alone, key=lambda g: len(alone[g]))
-    gone = alone[foot][:2]
+    foot, frames = _frames_alone(ready.values, groups)
+    gone = frames[:2]
     values = np.array(ready.values)
-    values[np.ix_(gone, np.flatnonzero(groups == foot))] = 0.0
     values[gone] = np.where(groups == foot, 0.0, values[gone])
     results = {}
     for name, given in (("whole", ready.values), ("forgotten", values)):

@@ -50,31 +50,44 @@ MUJOCO = {
 def differences(one, other, where=""):
     """Fields in which two values differ, numbers beyond rounding."""
     if is_dataclass(one) and type(one) is type(other):
-        skipped = OWN.get(type(one), set())
         if isinstance(one, PiecewisePolynomial):
             return [] if _same_function(one, other) else [where]
-        return [
-            line
-            for field in fields(one)
-            if field.name not in skipped
-            for line in differences(
-                getattr(one, field.name), getattr(other, field.name), f"{where}.{field.name}"
-            )
-        ]
+        return _field_differences(one, other, where)
     if isinstance(one, tuple) and isinstance(other, tuple) and len(one) == len(other):
-        return [
-            line
-            for i, (a, b) in enumerate(zip(one, other, strict=True))
-            for line in differences(a, b, f"{where}[{getattr(a, 'name', i)}]")
-        ]
+        return _part_differences(one, other, where)
     if isinstance(one, Mapping) and set(one) == set(other):
         return [
             line for key in one for line in differences(one[key], other[key], f"{where}[{key}]")
         ]
     if isinstance(one, (np.ndarray, float)):
-        near = np.shape(one) == np.shape(other) and np.allclose(one, other, rtol=1e-13, atol=1e-14)
-        return [] if near else [f"{where}: {one} and {other}"]
+        return [] if _near(one, other) else [f"{where}: {one} and {other}"]
     return [] if one == other else [f"{where}: {one!r} and {other!r}"]
+
+
+def _part_differences(one, other, where):
+    """Parts of two tuples of one length that differ."""
+    return [
+        line
+        for i, (a, b) in enumerate(zip(one, other, strict=True))
+        for line in differences(a, b, f"{where}[{getattr(a, 'name', i)}]")
+    ]
+
+
+def _field_differences(one, other, where):
+    """Fields of two dataclasses of one type that differ."""
+    skipped = OWN.get(type(one), set())
+    return [
+        line
+        for field in fields(one)
+        if field.name not in skipped
+        for line in differences(
+            getattr(one, field.name), getattr(other, field.name), f"{where}.{field.name}"
+        )
+    ]
+
+
+def _near(one, other):
+    return np.shape(one) == np.shape(other) and np.allclose(one, other, rtol=1e-13, atol=1e-14)
 
 
 def _meshes(body):

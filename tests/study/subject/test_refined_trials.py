@@ -143,16 +143,22 @@ def test_forces_move_by_the_clock_that_was_found(tmp_path):
         times()
 
 
+def _refined_coordinates(folder):
+    """Check that a trial has the refined motion, and return it."""
+    refined = read_sto(folder / "refinement" / "motions" / "walking1.mot")
+    used = read_sto(folder / "walking1" / "coordinates.mot")
+    np.testing.assert_allclose(used.values, refined.values, atol=1e-6)
+    return used
+
+
 @pytest.mark.long
 def test_trials_use_the_refined_motion_and_its_forces(data, tmp_path):
     folder = data(OPENCAP)
     subject, trial, other, its_trial = run(folder, tmp_path, "true", AGAIN)
     assert (subject.error, trial.error, other.error, its_trial.error) == ("", "", "", "")
     home = tmp_path / "results" / "s4"
-    refined = read_sto(home / "refinement" / "motions" / "walking1.mot")
-    used = read_sto(home / "walking1" / "coordinates.mot")
+    used = _refined_coordinates(home)
     plain = read_sto(home / "walking1" / "coordinates_ik.mot")
-    np.testing.assert_allclose(used.values, refined.values, atol=1e-6)
     assert 0.1 < np.abs(used.values - plain.values).max() < 30.0
     left = residual(home / "walking1" / "torques.sto")
     # What `refine` itself says is left: the trial's inverse dynamics has the same motion, forces
@@ -173,9 +179,7 @@ def test_trials_use_the_refined_motion_and_its_forces(data, tmp_path):
     )
     for one, same in zip(first.markers, second.markers, strict=True):
         np.testing.assert_allclose(one.location, same.location, atol=1e-9)
-    used = read_sto(later / "walking1/coordinates.mot")
-    refined = read_sto(later / "refinement/motions/walking1.mot")
-    np.testing.assert_allclose(used.values, refined.values, atol=1e-6)
+    _refined_coordinates(later)
 
     again = run(folder, tmp_path, "true")
     assert [one.reused for one in again] == [("refine",), ("ik", "id")]
