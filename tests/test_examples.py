@@ -83,21 +83,26 @@ def package_names():
     for file in (DOCS.parent / "src" / "myomorph").rglob("*.py"):
         for node in ast.parse(file.read_text(encoding="utf-8")).body:
             if isinstance(node, ast.FunctionDef):
-                given = node.args
-                named = {one.arg for one in (*given.posonlyargs, *given.args, *given.kwonlyargs)}
-                found.setdefault(node.name, []).append(None if given.kwarg else named)
+                found.setdefault(node.name, []).append(_argument_names(node))
             elif isinstance(node, ast.ClassDef):
-                fields = {one.target.id for one in node.body if isinstance(one, ast.AnnAssign)}
-                made = [
-                    one
-                    for one in node.body
-                    if isinstance(one, ast.FunctionDef) and one.name == "__init__"
-                ]
-                fields |= {
-                    one.arg for init in made for one in (*init.args.args, *init.args.kwonlyargs)
-                }
-                found.setdefault(node.name, []).append(None if node.bases and not made else fields)
+                found.setdefault(node.name, []).append(_field_names(node))
     return found
+
+
+def _argument_names(function):
+    """Return the names of a function's arguments, None where it takes any."""
+    given = function.args
+    named = {one.arg for one in (*given.posonlyargs, *given.args, *given.kwonlyargs)}
+    return None if given.kwarg else named
+
+
+def _field_names(kind):
+    """Return what a class takes: fields and arguments of `__init__`; None where a base decides."""
+    fields = {one.target.id for one in kind.body if isinstance(one, ast.AnnAssign)}
+    made = [one for one in kind.body if isinstance(one, ast.FunctionDef) and one.name == "__init__"]
+    for init in made:
+        fields |= {one.arg for one in (*init.args.args, *init.args.kwonlyargs)}
+    return None if kind.bases and not made else fields
 
 
 def python_blocks():
@@ -123,31 +128,41 @@ def test_python_calls_what_exists(text, above):
     What they import exists, and what they call takes those arguments. Functions, classes and
     imports of blocks above on the same page (`above`) exist, too.
     """
-    known = package_names()
     tree = ast.parse(text)
+    known = _bound_names(tree) | above | STANDARD
     wrong = []
-    bound = {
-        name.id
-        for name in ast.walk(tree)
-        if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store)
-    }
-    bound |= {
-        node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.ClassDef)
-    }
-    imported = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("myomorph"):
             module = importlib.import_module(node.module)
-            wrong += [
-                f"{node.module}.{one.name}" for one in node.names if not hasattr(module, one.name)
-            ]
-        elif isinstance(node, ast.ImportFrom | ast.Import):
-            imported |= {(one.asname or one.name).split(".")[0] for one in node.names}
+            names = [one.name for one in node.names]
+            wrong += [f"{node.module}.{name}" for name in names if not hasattr(module, name)]
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             name = node.func.id
-            if name in bound | imported | above or hasattr(builtins, name) or name in STANDARD:
-                continue
-            given = {one.arg for one in node.keywords if one.arg}
-            if not any(takes is None or given <= takes for takes in known.get(name, [])):
-                wrong.append(f"{name}({', '.join(sorted(given))})")
+            if name not in known and not hasattr(builtins, name):
+                wrong += _wrong_call(node, name)
     assert wrong == []
+
+
+def _bound_names(tree):
+    """Return names that a block assigns, defines, or imports from elsewhere than the package."""
+    bound = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            bound.add(node.id)
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            bound.add(node.name)
+        elif isinstance(node, ast.Import) or _is_foreign(node):
+            bound |= {(one.asname or one.name).split(".")[0] for one in node.names}
+    return bound
+
+
+def _is_foreign(node):
+    return isinstance(node, ast.ImportFrom) and not (node.module or "").startswith("myomorph")
+
+
+def _wrong_call(node, name):
+    """Return a call of the package with the arguments that nothing of this name takes."""
+    given = {one.arg for one in node.keywords if one.arg}
+    if any(takes is None or given <= takes for takes in package_names().get(name, [])):
+        return []
+    return [f"{name}({', '.join(sorted(given))})"]

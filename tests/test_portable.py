@@ -8,7 +8,7 @@ from __future__ import annotations
 import ast
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -75,116 +75,135 @@ MODULES = {
 }
 TEXTUAL = {"open", "read_text", "write_text", "fdopen", "TextIOWrapper", "NamedTemporaryFile"}
 STARTED = {"Process", "Pool", "Pipe", "Queue", "Event", "Lock", "Manager", "SimpleQueue"}
+PROGRAMS = {"run", "Popen", "check_call", "check_output"}
 FOLDERS = ("/tmp", "/dev/", "/proc/", "/usr/", "/etc/", "/home/", "~/", "C:\\")
 
 
 def findings(tree: ast.AST) -> Iterator[tuple[int, str]]:
     """Line and matter of all that is not portable."""
-    guarded = {
-        inner
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Try) and any(_catches_import(one) for one in node.handlers)
-        for part in node.body
-        for inner in ast.walk(part)
-    }
-    known = {
-        part
-        for node in ast.walk(tree)
-        if isinstance(node, ast.If) and _asks(node.test)
-        for part in ast.walk(node)
-    }
-    words = {
-        inner
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
-        for inner in ast.walk(node)
-    }
+    guarded = _inside(tree, _is_guard)
+    known = _inside(tree, lambda node: isinstance(node, ast.If) and _asks(node.test))
+    words = _inside(
+        tree, lambda node: isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+    )
     for node in ast.walk(tree):
         if isinstance(node, ast.Import | ast.ImportFrom) and node not in guarded:
-            names = (
-                [one.name for one in node.names]
-                if isinstance(node, ast.Import)
-                else [node.module or ""]
-            )
-            for name in names:
-                if name.split(".")[0] in MODULES:
-                    yield (
-                        node.lineno,
-                        (
-                            f"import of {name}, which not every system has, outside try/except"
-                            " ImportError"
-                        ),
-                    )
-        if (
-            isinstance(node, ast.Attribute)
-            and isinstance(node.value, ast.Name)
-            and node not in known
-        ):
-            if node.attr in ONLY_POSIX.get(node.value.id, ()):
-                yield node.lineno, f"{node.value.id}.{node.attr} is POSIX's"
-            if node.value.id in ("multiprocessing", "mp") and node.attr in STARTED:
-                yield (
-                    node.lineno,
-                    (
-                        f"multiprocessing.{node.attr} starts as the system likes: take"
-                        " get_context('spawn')"
-                    ),
-                )
+            yield from _import(node)
+        if isinstance(node, ast.Attribute) and node not in known:
+            yield from _attribute(node)
         if isinstance(node, ast.Call):
             yield from _call(node)
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in words:
-            if node.value.startswith(FOLDERS):
-                yield node.lineno, f"the path {node.value!r} is of one system"
-            if any(sign in node.value for sign in ("%-d", "%-m", "%-H", "%-I", "%s.%f")):
-                yield node.lineno, f"strftime {node.value!r} is glibc's"
+        if isinstance(node, ast.Constant) and node not in words:
+            yield from _constant(node)
         if isinstance(node, ast.JoinedStr):
             yield from _joined(node)
 
 
+def _inside(tree: ast.AST, chosen: Callable[[ast.AST], bool]) -> set[ast.AST]:
+    """All nodes inside those chosen; of a `try`, those of its body."""
+    found = set()
+    for node in ast.walk(tree):
+        if chosen(node):
+            parts = node.body if isinstance(node, ast.Try) else [node]
+            found |= {inner for part in parts for inner in ast.walk(part)}
+    return found
+
+
+def _is_guard(node: ast.AST) -> bool:
+    return isinstance(node, ast.Try) and any(_catches_import(one) for one in node.handlers)
+
+
+def _import(node: ast.Import | ast.ImportFrom) -> Iterator[tuple[int, str]]:
+    if isinstance(node, ast.Import):
+        names = [one.name for one in node.names]
+    else:
+        names = [node.module or ""]
+    for name in names:
+        if name.split(".")[0] in MODULES:
+            yield (
+                node.lineno,
+                f"import of {name}, which not every system has, outside try/except ImportError",
+            )
+
+
+def _attribute(node: ast.Attribute) -> Iterator[tuple[int, str]]:
+    if not isinstance(node.value, ast.Name):
+        return
+    if node.attr in ONLY_POSIX.get(node.value.id, ()):
+        yield node.lineno, f"{node.value.id}.{node.attr} is POSIX's"
+    if node.value.id in ("multiprocessing", "mp") and node.attr in STARTED:
+        yield (
+            node.lineno,
+            f"multiprocessing.{node.attr} starts as the system likes: take get_context('spawn')",
+        )
+
+
+def _constant(node: ast.Constant) -> Iterator[tuple[int, str]]:
+    if not isinstance(node.value, str):
+        return
+    if node.value.startswith(FOLDERS):
+        yield node.lineno, f"the path {node.value!r} is of one system"
+    if any(sign in node.value for sign in ("%-d", "%-m", "%-H", "%-I", "%s.%f")):
+        yield node.lineno, f"strftime {node.value!r} is glibc's"
+
+
 def _call(node: ast.Call) -> Iterator[tuple[int, str]]:
     name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-    given = {one.arg: one.value for one in node.keywords}
-    owner = (
-        node.func.value.id
-        if isinstance(node.func, ast.Attribute) and isinstance(node.func.value, ast.Name)
-        else ""
-    )
+    given = {one.arg for one in node.keywords}
+    owner = _owner(node.func)
     if name in TEXTUAL and owner not in ("webbrowser", "wave", "Image", "zipfile"):
-        mode = given.get("mode") or (
-            node.args[1] if name in ("open", "fdopen") and len(node.args) > 1 else None
-        )
-        if name == "open" and owner == "os":
-            return
-        if name == "open" and isinstance(node.func, ast.Attribute):
-            mode = given.get("mode") or (node.args[0] if node.args else None)
-            no_mode = isinstance(mode, ast.expr) and not isinstance(mode, ast.Constant)
-            if (no_mode or not (node.args or given)) and not owner.endswith(
-                ("path", "file", "name")
-            ):
-                # Other things than files are opened, too: a model that waits to be made, an input
-                # of a trial, ...
-                return
-        binary = isinstance(mode, ast.Constant) and "b" in str(mode.value)
-        # The first positional argument of read_text, and the second of write_text, is the encoding.
-        told = "encoding" in given or len(node.args) > {"read_text": 0, "write_text": 1}.get(
-            name, 99
-        )
-        if not binary and not told and not (name == "NamedTemporaryFile" and mode is None):
-            yield node.lineno, f"{name}() without encoding takes the machine's"
+        yield from _opened(node, name, owner)
     if name == "get_context":
         method = node.args[0] if node.args else None
         if not (isinstance(method, ast.Constant) and method.value == "spawn"):
             yield node.lineno, "get_context() without 'spawn'"
     if name == "ProcessPoolExecutor" and "mp_context" not in given:
         yield node.lineno, "ProcessPoolExecutor without mp_context forks on some systems"
-    if {"preexec_fn", "start_new_session", "process_group"} & set(given):
+    if {"preexec_fn", "start_new_session", "process_group"} & given:
         yield node.lineno, "a child's session is POSIX's"
-    if (
-        name in ("run", "Popen", "check_call", "check_output")
-        and owner == "subprocess"
-        and "shell" in given
-    ):
+    if name in PROGRAMS and owner == "subprocess" and "shell" in given:
         yield node.lineno, "a shell is another one elsewhere"
+
+
+def _owner(function: ast.expr) -> str:
+    """Name of what a method is called of, "" where that has none."""
+    if isinstance(function, ast.Attribute) and isinstance(function.value, ast.Name):
+        return function.value.id
+    return ""
+
+
+def _opened(node: ast.Call, name: str, owner: str) -> Iterator[tuple[int, str]]:
+    """Files opened as text without an encoding."""
+    given = {one.arg: one.value for one in node.keywords}
+    if name == "open" and (owner == "os" or not _opens_file(node, owner)):
+        return
+    mode = given.get("mode") or _mode_by_place(node, name)
+    binary = isinstance(mode, ast.Constant) and "b" in str(mode.value)
+    # The first positional argument of read_text, and the second of write_text, is the encoding.
+    stated = "encoding" in given or len(node.args) > {"read_text": 0, "write_text": 1}.get(name, 99)
+    if not binary and not stated and not (name == "NamedTemporaryFile" and mode is None):
+        yield node.lineno, f"{name}() without encoding takes the machine's"
+
+
+def _mode_by_place(node: ast.Call, name: str) -> ast.expr | None:
+    """Argument that is the mode where it has no keyword: the first of a path's `open`."""
+    if name == "open" and isinstance(node.func, ast.Attribute):
+        return node.args[0] if node.args else None
+    return node.args[1] if name in ("open", "fdopen") and len(node.args) > 1 else None
+
+
+def _opens_file(node: ast.Call, owner: str) -> bool:
+    """Whether `open` is that of a file.
+
+    Other things than files are opened, too: a model that waits to be made, an input of a trial, ...
+    """
+    if not isinstance(node.func, ast.Attribute):
+        return True
+    given = {one.arg: one.value for one in node.keywords}
+    mode = given.get("mode") or (node.args[0] if node.args else None)
+    no_mode = isinstance(mode, ast.expr) and not isinstance(mode, ast.Constant)
+    bare = not (node.args or given)
+    return not (no_mode or bare) or owner.endswith(("path", "file", "name"))
 
 
 def _joined(node: ast.JoinedStr) -> Iterator[tuple[int, str]]:

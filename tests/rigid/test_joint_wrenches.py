@@ -47,23 +47,21 @@ def test_each_body_keeps_its_laws_of_momentum():
     """
     model = functional_tree(3)
     step = 3e-4
-    motion = swinging(model, 5, step, seed=3)
     tree = compile_tree(model)
-    arrays = motion_arrays(tree, motion)
+    arrays = motion_arrays(tree, swinging(model, 5, step, seed=3))
     applied = pushed(tree, 5, 0)
     found = joint_wrenches(tree, *arrays, applied)
     poses = forward_kinematics(tree, arrays.values)
-    T = tree.arrays
-    for b in range(1, len(T.parent)):
+    for b in range(1, len(tree.arrays.parent)):
+        T = tree.arrays
         children = np.flatnonzero(T.parent == b)
         center = poses.origins[:, b] + poses.rotations[:, b] @ T.mass_center[b]
         force = found.forces[2, b] - sum(found.forces[2, k] for k in children)
         moment = found.moments[2, b] - sum(found.moments[2, k] for k in children)
         weight = T.mass[b] * T.gravity
-        moment = moment + np.cross(center[2], weight)
+        total = np.concatenate([force + weight, moment + np.cross(center[2], weight)])
         rate = _momentum_rate(T, b, poses.rotations[:, b], center, step)
-        total = np.concatenate([force + weight, moment]) + applied[2, b]
-        np.testing.assert_allclose(total, rate, atol=5e-4)
+        np.testing.assert_allclose(total + applied[2, b], rate, atol=5e-4)
 
 
 def _momentum_rate(T, b, R, center, step):
@@ -136,20 +134,24 @@ def test_forces_give_the_accelerations_back():
     np.testing.assert_allclose(found, cddot, rtol=1e-7, atol=1e-7)
 
 
-def test_loops_carry_what_they_were_given_to_carry():
-    """Multipliers and accelerations are recovered; loop forces move no closed motion."""
-    model, closed = looped_tree(1, kinds=("WeldConstraint",), bodies=16)
-    rng = np.random.default_rng(2)
-    velocities, accelerations = rng.normal(size=(2, 3, len(closed)))
+def _closed_at(model, pose, velocities, accelerations):
+    """Return a motion of three frames at a pose whose rates keep loops closed."""
     given = Motion(
         time=np.arange(3.0),
         names=model.coordinate_names,
-        values=np.tile(closed, (3, 1)),
+        values=np.tile(pose, (3, 1)),
         velocities=velocities,
         accelerations=accelerations,
     )
+    return closed_motion(model, given)[0]
+
+
+def test_loops_carry_what_they_were_given_to_carry():
+    """Multipliers and accelerations are recovered; loop forces move no closed motion."""
+    model, pose = looped_tree(1, kinds=("WeldConstraint",), bodies=16)
+    rng = np.random.default_rng(2)
     tree = compile_tree(model)
-    arrays = motion_arrays(tree, closed_motion(model, given)[0])
+    arrays = motion_arrays(tree, _closed_at(model, pose, *rng.normal(size=(2, 3, len(pose)))))
     c = arrays.values
     applied = pushed(tree, 3, 3)
     forces = rng.normal(scale=4.0, size=(3, 6))
@@ -181,6 +183,16 @@ def test_a_model_at_rest_weighs_on_its_root():
     np.testing.assert_allclose(found.torques, inverse_dynamics(model, motion).values, atol=1e-12)
 
 
+def _fall(tree, c):
+    """Return accelerations and joint wrenches of a model released at poses c."""
+    still = np.zeros_like(c)
+    nothing = np.zeros((len(c), len(tree.arrays.parent), 6))
+    at_rest = MotionArrays(values=c, velocities=still, accelerations=still)
+    accelerations, multipliers = forward_accelerations(tree, at_rest, nothing, still)
+    loops = loop_wrenches(tree, c, multipliers)
+    return accelerations, joint_wrenches(tree, c, still, accelerations, loops)
+
+
 def test_a_loop_falls_and_carries_as_in_opensim(data):
     """A released shoulder: accelerations and reactions of OpenSim 4.6, without muscles."""
     opensim = pytest.importorskip("opensim")
@@ -189,11 +201,7 @@ def test_a_loop_falls_and_carries_as_in_opensim(data):
     tree = compile_tree(model)
     given = motion_from_table(read_sto(data("shoulder-thoracoscapular/ik/ABD01.mot")), model)
     c = close_loops(tree, tree.coordinates_of(given)[[150, 300, 420]])
-    still = np.zeros_like(c)
-    nothing = np.zeros((3, len(tree.arrays.parent), 6))
-    at_rest = MotionArrays(values=c, velocities=still, accelerations=still)
-    accelerations, multipliers = forward_accelerations(tree, at_rest, nothing, still)
-    found = joint_wrenches(tree, c, still, accelerations, loop_wrenches(tree, c, multipliers))
+    accelerations, found = _fall(tree, c)
     opensim.Logger.setLevelString("Off")
     theirs = opensim.Model(str(path))
     theirs.updForceSet().clearAndDestroy()

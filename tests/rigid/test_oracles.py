@@ -50,8 +50,7 @@ def test_poses_inverse_dynamics_and_jacobian_agree_with_pinocchio(seed):
     data = theirs.createData()
     tree = compile_tree(model)
     poses = forward_kinematics(tree, motion.values)
-    tau = inverse_dynamics(model, motion, wrenches)
-    centers = center_of_mass(tree, poses)
+    tau = inverse_dynamics(model, motion, wrenches).values
     for frame in range(len(motion)):
         pin.forwardKinematics(theirs, data, motion.values[frame])
         expected = pin.rnea(
@@ -62,19 +61,22 @@ def test_poses_inverse_dynamics_and_jacobian_agree_with_pinocchio(seed):
             motion.accelerations[frame],
             _external(pin, theirs, data, ids, wrenches, frame),
         )
-        np.testing.assert_allclose(tau.values[frame], expected, atol=TOLERANCE)
+        np.testing.assert_allclose(tau[frame], expected, atol=TOLERANCE)
         for body in model.bodies:
             pose = data.oMi[ids[body.name]]
             b = tree.body_index[body.name]
             np.testing.assert_allclose(poses.origins[frame, b], pose.translation, atol=TOLERANCE)
             np.testing.assert_allclose(poses.rotations[frame, b], pose.rotation, atol=TOLERANCE)
         np.testing.assert_allclose(
-            centers[frame], pin.centerOfMass(theirs, data, motion.values[frame]), atol=TOLERANCE
+            center_of_mass(tree, poses)[frame],
+            pin.centerOfMass(theirs, data, motion.values[frame]),
+            atol=TOLERANCE,
         )
         pin.computeJointJacobians(theirs, data, motion.values[frame])
-        last = model.bodies[-1].name
-        J = pin.getJointJacobian(theirs, data, ids[last], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
-        b = tree.body_index[last]
+        # Of the last body
+        J = pin.getJointJacobian(
+            theirs, data, ids[body.name], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        )
         ours = poses.jacobian(b, poses.origins[frame, b])[frame]
         np.testing.assert_allclose(ours, np.vstack([J[3:], J[:3]]), atol=TOLERANCE)
 

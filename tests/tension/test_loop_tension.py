@@ -145,31 +145,34 @@ def test_opensim_moves_as_wanted_under_these_tensions(shoulder, data):
         model, muscles=tuple(replace(one, enabled=one.name not in off) for one in model.muscles)
     )
     still = _at_rest(model, motion)
-    tau = inverse_dynamics(model, still)
     # OpenSim's reserves act on its speeds, so the scapula gets none.
     reserves = [one for one in default_reserves(model, 20.0, 1.0) if "scapula" not in one.name]
-    tension = solve_tension(model, still, tau, TensionOptions(passive=False), reserves)
+    tension = solve_tension(
+        model, still, inverse_dynamics(model, still), TensionOptions(passive=False), reserves
+    )
     assert tension.optimal.all()
     theirs = opensim.Model(str(data(f"{FOLDER}/model_cmc/TSM_subject_CMC_noWeight.osim")))
     _add_reserves(theirs, reserves)
     state = theirs.initSystem()
     names = model.coordinate_names
-    named = theirs.getCoordinateSet()
+    coordinates = [theirs.getCoordinateSet().get(name) for name in names]
     forces = theirs.getForceSet()
-    for name in names:
-        named.get(name).setSpeedValue(state, 0.0)
+    for coordinate in coordinates:
+        coordinate.setSpeedValue(state, 0.0)
     actuators = [*zip(tension.muscles, tension.muscle_force.T, strict=True)]
     actuators += [*zip(tension.reserve_names, tension.actuator_force.T, strict=True)]
     for frame in range(len(still)):
-        for j, name in enumerate(names):
-            named.get(name).setValue(state, float(still.values[frame, j]), False)
+        for coordinate, value in zip(coordinates, still.values[frame], strict=True):
+            coordinate.setValue(state, float(value), False)
         _pull(forces, state, actuators, frame)
         for name in off:
             opensim.Muscle.safeDownCast(forces.get(name)).setAppliesForce(state, False)
         theirs.realizeAcceleration(state)
-        found = np.array([named.get(name).getAccelerationValue(state) for name in names])
-        wanted = angular_rates(still.values[frame], still.accelerations[frame], names)
-        np.testing.assert_allclose(found, wanted, atol=1e-7)
+        np.testing.assert_allclose(
+            [coordinate.getAccelerationValue(state) for coordinate in coordinates],
+            angular_rates(still.values[frame], still.accelerations[frame], names),
+            atol=1e-7,
+        )
 
 
 def test_viscosity_takes_part_like_any_other_force(shoulder):

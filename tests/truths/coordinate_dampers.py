@@ -147,8 +147,8 @@ def coordinate_stiffness(
     K = along_axes("stiffness", spring.stiffness)
     tree = compile_tree(model)
     rest = np.array([list(spring.rest.values())], dtype=np.float64).reshape(1, -1)
-    at_rest = mm.Motion(np.zeros(1), tuple(spring.rest), rest)
-    _, R_rest, _ = joint_jacobian(tree, base, first, tree.coordinates_of(at_rest))
+    at_rest = tree.coordinates_of(mm.Motion(np.zeros(1), tuple(spring.rest), rest))
+    R_rest = joint_jacobian(tree, base, first, at_rest)[1]
     coordinates = tree.coordinates_of(motion)
     E, R, moving = joint_jacobian(tree, base, first, coordinates)
     theta = Rotation.from_matrix(np.swapaxes(R_rest, 1, 2) @ R).as_rotvec()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -147,21 +148,8 @@ def fit_decay(
         raise mm.BadData(
             f"a decay needs three periods or more, but the signal holds {since[-1] / period:.1f}"
         )
-    free = [True, True, True, True, *(name in terms for name in DAMPINGS), bend]
-    chosen = np.flatnonzero(free)
-    size = float(np.std(signal))
-    unit = np.array(
-        [
-            size,
-            size,
-            1.0,
-            2.0 * np.pi / period / 100.0,
-            0.01,
-            0.01 * size,
-            0.01 / size,
-            1e-3 / size**2,
-        ]
-    )
+    chosen = np.flatnonzero([True] * 4 + [name in terms for name in DAMPINGS] + [bend])
+    unit = _units(float(np.std(signal)), period)
 
     def whole(x: Array) -> Array:
         full = np.zeros(8)
@@ -175,39 +163,80 @@ def fit_decay(
         bounds=(lower, np.inf),
         x_scale="jac",
     )
-    offset, amplitude, phase, omega, *damping, bent = whole(fit.x).tolist()
-    inverse = np.linalg.pinv(fit.jac.T @ fit.jac)
-    blocks = np.floor(since / period).astype(int)
-    scores = np.stack(
-        [(fit.jac[blocks == i] * fit.fun[blocks == i, None]).sum(axis=0) for i in np.unique(blocks)]
-    )
-    free_count = len(chosen)
-    sandwich = (
-        inverse @ (scores.T @ scores) @ inverse * len(scores) / max(len(scores) - free_count, 1)
-    )
-    white = inverse * float(fit.fun @ fit.fun) / (len(signal) - free_count)
-    deviations = np.zeros(8)
-    plain = np.zeros(8)
+    fitted = _Oscillation._make(whole(fit.x).tolist())
+    sandwich, white = _covariances(fit.jac, fit.fun, np.floor(since / period).astype(int))
+    deviations, plain = np.zeros((2, 8))
     deviations[chosen] = np.sqrt(np.diag(sandwich)) * unit[chosen]
     plain[chosen] = np.sqrt(np.diag(white)) * unit[chosen]
-    found = 2.0 * np.pi / omega
+    period = 2.0 * np.pi / fitted.omega
     return Decay(
         terms=tuple(terms),
-        offset=offset,
-        amplitude=amplitude,
-        phase=phase,
-        period=found,
-        period_sd=float(found * deviations[3] / omega),
-        period_sd_white=float(found * plain[3] / omega),
-        viscous=damping[0],
-        coulomb=damping[1],
-        quadratic=damping[2],
+        offset=fitted.offset,
+        amplitude=fitted.amplitude,
+        phase=fitted.phase,
+        period=period,
+        period_sd=float(period * deviations[3] / fitted.omega),
+        period_sd_white=float(period * plain[3] / fitted.omega),
+        viscous=fitted.viscous,
+        coulomb=fitted.coulomb,
+        quadratic=fitted.quadratic,
         viscous_sd=float(deviations[4]),
-        bend=bent,
+        bend=fitted.bend,
         residual=float(np.sqrt(np.mean(np.square(fit.fun)))),
         effective=variance_samples([fit.fun[:, None]]),
-        free=free_count,
+        free=len(chosen),
     )
+
+
+class _Oscillation(NamedTuple):
+    """Parameters of a signal, in the order of their vector."""
+
+    offset: float
+    amplitude: float
+    phase: float
+    omega: float
+    viscous: float
+    coulomb: float
+    quadratic: float
+    bend: float
+
+
+def _units(size: float, period: float) -> Array:
+    """Return (8,) about the sizes of the parameters, for a signal of a size and a period [s]."""
+    return np.array(
+        [
+            size,
+            size,
+            1.0,
+            2.0 * np.pi / period / 100.0,
+            0.01,
+            0.01 * size,
+            0.01 / size,
+            1e-3 / size**2,
+        ]
+    )
+
+
+def _covariances(jacobian: Array, residuals: Array, blocks: Array) -> tuple[Array, Array]:
+    """Return covariances (parameters, parameters) by blocks of residuals, and of white noise.
+
+    Parameters
+    ----------
+    jacobian : (frames, parameters)
+    residuals : (frames,)
+    blocks : (frames,) number of the block of each
+    """
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    scores = np.stack(
+        [
+            (jacobian[blocks == i] * residuals[blocks == i, None]).sum(axis=0)
+            for i in np.unique(blocks)
+        ]
+    )
+    count = jacobian.shape[1]
+    sandwich = inverse @ (scores.T @ scores) @ inverse * len(scores) / max(len(scores) - count, 1)
+    white = inverse * float(residuals @ residuals) / (len(residuals) - count)
+    return sandwich, white
 
 
 def compare_decays(

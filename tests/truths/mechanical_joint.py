@@ -375,8 +375,9 @@ def mechanical_joint(
     instruments = Instruments(noise, random)
     made = []
     for number in range(experiment.trials):
-        start, rates = _release(truth, experiment.swing, experiment.spin, random)
-        qpos = Rotation.from_rotvec(start).as_quat(scalar_first=True) if hinge is None else start
+        qpos, rates = _release(truth, experiment.swing, experiment.spin, random)
+        if hinge is None:
+            qpos = Rotation.from_rotvec(qpos).as_quat(scalar_first=True)
         exact = simulate(compiled, qpos, rates, experiment.seconds, STEP)
         made.append(
             VirtualTrial(

@@ -266,49 +266,60 @@ def alone(folder: Path, name: str) -> Alone | None:
         return None
     plate = one.trial.plates[0]
     wrenches = wrenches_from_plates(one.trial.plates, one.trial.plate_time, motion.time)
-    known = np.isfinite(motion.values).all(axis=1)
     toes = {side: place_of(one.model, motion, f"Toes_{side}") for side in "rl"}
-    forepaws = np.zeros(len(motion), np.bool_)
-    for offset in SHOULDERS:
-        forepaws |= _over(
-            plate.corners,
-            place_of(one.model, motion, "Pelvis", one.calibration.size * np.array(offset)),
-        )
-    loaded = known & (wrenches.forces[:, 0, 1] > 0.1 * np.nanmax(wrenches.forces[known, 0, 1]))
-    best: tuple[str, Array] | None = None
-    for side, other in (("r", "l"), ("l", "r")):
-        mine = loaded & _over(plate.corners, toes[side]) & ~_over(plate.corners, toes[other])
-        beside = np.linalg.norm((wrenches.points[:, 0] - toes[side])[:, [0, 2]], axis=1)
-        under = np.nan_to_num(beside, nan=np.inf) < PAW * one.calibration.size
-        run = longest(mine & under & ~forepaws)
-        if len(run) and (best is None or len(run) > len(best[1])):
-            best = side, run
-    if best is None:
+    free = _loaded(motion, wrenches) & ~_shoulders_over(one, motion, plate.corners)
+    right = _over(plate.corners, toes["r"])
+    left = _over(plate.corners, toes["l"])
+    near = PAW * one.calibration.size
+    runs_of = {
+        "r": longest(free & right & ~left & (_apart(wrenches, toes["r"]) < near)),
+        "l": longest(free & left & ~right & (_apart(wrenches, toes["l"]) < near)),
+    }
+    side = max(runs_of, key=lambda each: len(runs_of[each]))
+    frames = runs_of[side]
+    if not len(frames):
         return None
-    side, frames = best
-    on_foot = replace(wrenches, bodies=(f"Foot_{side}",))
     part = part_of(motion, frames)
     loads = mm.Wrenches(
-        part.time,
-        on_foot.names,
-        on_foot.bodies,
-        wrenches.forces[frames],
-        wrenches.points[frames],
-        wrenches.torques[frames],
+        time=part.time,
+        names=wrenches.names,
+        bodies=(f"Foot_{side}",),
+        forces=wrenches.forces[frames],
+        points=wrenches.points[frames],
+        torques=wrenches.torques[frames],
     )
     torques = mm.inverse_dynamics(one.model, part, loads)
-    apart = (wrenches.points[frames, 0] - toes[side][frames])[:, [0, 2]]
-    active = mm.solve_tension(one.model, part, torques, mm.TensionOptions(passive=False))
-    passive = mm.solve_tension(one.model, part, torques, mm.TensionOptions(passive=True))
     return Alone(
         side=side,
         frames=frames,
         wrenches=loads,
-        beside=np.linalg.norm(apart, axis=1),
+        beside=_apart(wrenches, toes[side])[frames],
         torques=torques,
-        active=active,
-        passive=passive,
+        active=mm.solve_tension(one.model, part, torques, mm.TensionOptions(passive=False)),
+        passive=mm.solve_tension(one.model, part, torques, mm.TensionOptions(passive=True)),
     )
+
+
+def _apart(wrenches: mm.Wrenches, place: Array) -> Array:
+    """Return the level distance (frames,) of the center of pressure from a place, inf unknown."""
+    apart = np.linalg.norm((wrenches.points[:, 0] - place)[:, [0, 2]], axis=1)
+    return np.nan_to_num(apart, nan=np.inf)
+
+
+def _loaded(motion: mm.Motion, wrenches: mm.Wrenches) -> NDArray[np.bool_]:
+    """Return the frames with a known pose and at least a tenth of the largest force."""
+    known: NDArray[np.bool_] = np.isfinite(motion.values).all(axis=1)
+    up = wrenches.forces[:, 0, 1]
+    return known & (up > 0.1 * np.nanmax(up[known]))
+
+
+def _shoulders_over(one: Mouse, motion: mm.Motion, corners: Array) -> NDArray[np.bool_]:
+    """Return the frames in which a shoulder is over the plate."""
+    over = np.zeros(len(motion), np.bool_)
+    for offset in SHOULDERS:
+        place = one.calibration.size * np.array(offset)
+        over |= _over(corners, place_of(one.model, motion, "Pelvis", place))
+    return over
 
 
 def place_of(model: mm.Model, motion: mm.Motion, body: str, offset: Array | None = None) -> Array:

@@ -6,8 +6,10 @@ The conditions are those of Karush, Kuhn and Tucker.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.tension.certificates import ON_BOUND, SolvedFrames, solved_frames
@@ -43,35 +45,13 @@ def optimality(
     chosen = np.arange(len(tension)) if frames is None else np.asarray(frames, np.int64)
     solved = solved_frames(problem, tension, chosen)
     slope = cost_slope(solved, solved.x) + _smooth_slope(problem, tension, solved)
-    low = solved.shared.lower
-    high = solved.shared.upper
     near = ON_BOUND * (1.0 + np.abs(solved.x))
-    at_low = solved.x <= low + near
-    at_high = solved.x >= high - near
-    inside = ~(at_low | at_high)
+    at_low = solved.x <= solved.shared.lower + near
+    at_high = solved.x >= solved.shared.upper - near
     result = np.full((4, len(chosen)), np.nan)
     for number in np.flatnonzero(tension.status[chosen] == OPTIMAL):
-        A = solved.A[number]
-        x = solved.x[number]
-        multipliers = np.linalg.lstsq(
-            A[:, inside[number]].T, slope[number, inside[number]], rcond=None
-        )[0]
-        left = slope[number] - A.T @ multipliers
-        unexplained = np.where(at_low[number], np.minimum(left, 0.0), left)
-        unexplained = np.where(at_high[number], np.maximum(unexplained, 0.0), unexplained)
-        unexplained = np.where(at_low[number] & at_high[number], 0.0, unexplained)
-        pressed = left - np.where(inside[number], left, unexplained)
-        away = np.where(
-            np.isfinite(low) & at_low[number], x - low, np.where(at_high[number], high - x, 0.0)
-        )
-        result[0, number] = np.abs(unexplained).max() / (1.0 + np.abs(slope[number]).max())
-        result[1, number] = np.abs(A @ x - solved.b[number]).max() / (
-            1.0 + np.abs(solved.b[number]).max()
-        )
-        result[2, number] = max(np.maximum(low - x, 0.0).max(), np.maximum(x - high, 0.0).max())
-        result[3, number] = np.abs(pressed * away).max() / (
-            1e-6 + float(solved.cost(solved.x[number : number + 1])[0])
-        )
+        at = _Bounds(low=at_low[number], high=at_high[number])
+        result[:, number] = _conditions(solved, number, slope[number], at)
     stationarity, balance, bounds, complementarity = result
     return Optimality(
         frames=chosen,
@@ -80,6 +60,55 @@ def optimality(
         bounds=bounds,
         complementarity=complementarity,
     )
+
+
+def _conditions(solved: SolvedFrames, number: int, slope: Array, at: _Bounds) -> list[float]:
+    """Return stationarity, balance, bounds and complementarity of a frame, as in `Optimality`."""
+    low = solved.shared.lower
+    high = solved.shared.upper
+    x = solved.x[number]
+    left = _left_over(solved.A[number], slope, at)
+    unexplained = at.unexplained(left)
+    pressed = left - np.where(at.inside, left, unexplained)
+    away = np.where(np.isfinite(low) & at.low, x - low, np.where(at.high, high - x, 0.0))
+    miss = solved.A[number] @ x - solved.b[number]
+    cost = float(solved.cost(solved.x[number : number + 1])[0])
+    return [
+        np.abs(unexplained).max() / (1.0 + np.abs(slope).max()),
+        np.abs(miss).max() / (1.0 + np.abs(solved.b[number]).max()),
+        max(np.maximum(low - x, 0.0).max(), np.maximum(x - high, 0.0).max()),
+        np.abs(pressed * away).max() / (1e-6 + cost),
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class _Bounds:
+    """Which variables of a frame are at a bound.
+
+    Attributes
+    ----------
+    low, high : (variables,)
+    """
+
+    low: NDArray[np.bool_]
+    high: NDArray[np.bool_]
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """(variables,) at neither."""
+        return ~(self.low | self.high)
+
+    def unexplained(self, slope: Array) -> Array:
+        """Return the part of a slope (variables,) that bounds do not explain by their push."""
+        rest = np.where(self.low, np.minimum(slope, 0.0), slope)
+        rest = np.where(self.high, np.maximum(rest, 0.0), rest)
+        return np.where(self.low & self.high, 0.0, rest)
+
+
+def _left_over(A: Array, slope: Array, at: _Bounds) -> Array:
+    """Return what the multipliers that fit best inside leave of a slope (variables,)."""
+    multipliers = np.linalg.lstsq(A[:, at.inside].T, slope[at.inside], rcond=None)[0]
+    return slope - A.T @ multipliers
 
 
 def cost_slope(solved: SolvedFrames, x: Array) -> Array:

@@ -213,64 +213,100 @@ def solve_program(
     -------
     (muscles,) activations in 0..1
     """
-    n = one.F.shape[1]
-    rows = len(one.rows)
-    options = by.tension
     p = by.tension.exponent
-    highest = options.recruitment == "minmax"
-    turned = both_ways(one) if by.beside.co_contraction else []
     # High powers of small numbers: activations in units of about the greatest one, costs in units
     # of its power.
-    unit = (
-        1.0
-        if p <= 4.0
-        else float(solve_program(one, frame, replace(by, tension=HIGHEST), loads).max())
-    )
-    scale = unit**-p if p > 4.0 else 1.0
-    # Activations, controls each way, their powers, the greatest activation, co-contraction that
-    # lacks.
-    u = n
-    t = n + 2 * rows
-    beta = 2 * n + 4 * rows
-    made = _Program(beta + 1 + len(turned))
+    unit = 1.0
+    if p > 4.0:
+        unit = float(solve_program(one, frame, replace(by, tension=HIGHEST), loads).max())
+    units = _Units(activation=unit, cost=unit**-p if p > 4.0 else 1.0, p=p)
+    turned = both_ways(one) if by.beside.co_contraction else []
+    layout = _Layout(muscles=one.F.shape[1], rows=len(one.rows))
+    made = _Program(layout.greatest + 1 + len(turned))
+    _add_balance(made, layout, one, frame, units)
+    _add_effort(made, layout, one, by, units)
+    if by.beside.joint_load:
+        assert loads is not None
+        alone = loads[0][frame]
+        added = loads[1][frame]
+        weight = 2.0 * by.beside.joint_load * units.cost
+        made.P[: layout.muscles, : layout.muscles] += weight * unit**2 * added.T @ added
+        made.q[: layout.muscles] += weight * unit * added.T @ alone
+    for k, row in enumerate(turned):
+        lacking = layout.greatest + 1 + k
+        made.P[lacking, lacking] = 2.0 * TWICE * units.cost
+        share, wanted = _asked(one, frame, row, by.beside.co_contraction)
+        line = np.append(unit * share, np.zeros(made.size - layout.muscles))
+        line[lacking] += 1.0
+        made.at_least(line[None], np.array([wanted]))
+    return np.clip(unit * made.solved()[: layout.muscles], 0.0, 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Units:
+    """Units in which a program with power p is well scaled."""
+
+    activation: float
+    cost: float
+    p: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Layout:
+    """Order of the variables.
+
+    Activations, controls each way, the powers of these, the greatest activation, and co-contraction
+    that lacks.
+    """
+
+    muscles: int
+    rows: int
+
+    @property
+    def powers(self) -> int:
+        """Number of the first power."""
+        return self.muscles + 2 * self.rows
+
+    @property
+    def greatest(self) -> int:
+        """Number of the greatest activation."""
+        return 2 * self.powers
+
+
+def _add_balance(made: _Program, layout: _Layout, one: Walk, frame: int, units: _Units) -> None:
+    """Add the balance of torques, and bounds of all variables."""
+    n = layout.muscles
     eye = np.eye(made.size)
     turns = one.R[frame] * one.F[frame][:, None]
-    push = one.reserves * (scale**-0.5 if p > 4.0 else 1.0)
-    A = np.zeros((rows, made.size))
-    A[:, :n] = unit * turns.T
-    A[:, u : u + rows] = np.diag(push)
-    A[:, u + rows : t] = -np.diag(push)
+    push = one.reserves * (units.cost**-0.5 if units.p > 4.0 else 1.0)
+    A = np.zeros((layout.rows, made.size))
+    A[:, :n] = units.activation * turns.T
+    A[:, n : n + layout.rows] = np.diag(push)
+    A[:, n + layout.rows : layout.powers] = -np.diag(push)
     made.equal(A, one.tau[frame])
     made.at_least(eye, np.zeros(made.size))
-    made.at_least(-eye[:n], np.full(n, -1.0 / unit))
-    w = _weights(one.model, options)
-    cost = np.concatenate([w * (SMALLEST if highest else 1.0), np.ones(2 * rows)])
+    made.at_least(-eye[:n], np.full(n, -1.0 / units.activation))
+
+
+def _add_effort(made: _Program, layout: _Layout, one: Walk, by: Criterion, units: _Units) -> None:
+    """Add the cost of activations and controls."""
+    n = layout.muscles
+    p = units.p
+    highest = by.tension.recruitment == "minmax"
+    w = _weights(one.model, by.tension)
+    cost = np.concatenate([w * (SMALLEST if highest else 1.0), np.ones(2 * layout.rows)])
     power = np.where(np.arange(len(cost)) < n, p, p if p <= 4.0 else 2.0)
     for k in range(len(cost)):
         if power[k] == 2.0:
             made.P[k, k] = 2.0 * cost[k]
         else:
-            made.power(t + k, k, float(power[k]))
-            made.q[t + k] = cost[k]
-    made.P[range(n), range(n)] += 2.0 * beside_power(p) * w * scale * unit**2
+            made.power(layout.powers + k, k, float(power[k]))
+            made.q[layout.powers + k] = cost[k]
+    made.P[range(n), range(n)] += 2.0 * beside_power(p) * w * units.cost * units.activation**2
     if highest:
-        made.q[beta] = 1.0
-        made.at_least(eye[beta] - eye[:n], np.zeros(n))
-    if by.beside.joint_load:
-        assert loads is not None
-        alone, added = loads
-        alone = alone[frame]
-        added = added[frame]
-        made.P[:n, :n] += 2.0 * by.beside.joint_load * scale * unit**2 * added.T @ added
-        made.q[:n] += 2.0 * by.beside.joint_load * scale * unit * added.T @ alone
-    for k, row in enumerate(turned):
-        made.P[beta + 1 + k, beta + 1 + k] = 2.0 * TWICE * scale
-        share, wanted = _asked(one, frame, row, by.beside.co_contraction)
-        made.at_least(
-            (np.append(unit * share, np.zeros(made.size - n)) + eye[beta + 1 + k])[None],
-            np.array([wanted]),
-        )
-    return np.clip(unit * made.solved()[:n], 0.0, 1.0)
+        eye = np.eye(made.size)
+        made.q[layout.greatest] = 1.0
+        made.at_least(eye[layout.greatest] - eye[:n], np.zeros(n))
 
 
 def cost_of(one: Walk, frame: int, by: Criterion, a: Array, loads: tuple[Array, Array]) -> float:

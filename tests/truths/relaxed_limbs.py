@@ -135,39 +135,60 @@ def drop_leg(leg: RelaxedLeg, number: int, seed: int, release: float = 1.35) -> 
     """Hold the shank `release` rad above where it hangs, more or less, and let go."""
     random = np.random.default_rng((seed, number))
     model = mujoco.MjModel.from_xml_string(leg.mjcf())
-    data = mujoco.MjData(model)
-    knee = model.joint("knee").qposadr[0]
-    data.qpos[knee] = start = release + 0.1 * random.standard_normal()
+    start = release + 0.1 * random.standard_normal()
     burst = (0.12, 0.32) if number in leg.bursts else None
-    every = round(1.0 / (RATE * STEP))
+    angles, places = _held_and_dropped(model, start, burst, leg.burst)
+    time = np.arange(len(angles)) / RATE
+    names = tuple(model.site(i).name for i in range(model.nsite))
+    markers = mm.Markers(time, names, places + leg.noise * random.standard_normal(places.shape))
+    when = None if burst is None else (HOLD + burst[0], HOLD + burst[1])
+    return Dropped(markers=markers, emg=_raw_emg(when, random), angles=angles, burst=when)
+
+
+def _held_and_dropped(
+    model: mujoco.MjModel, start: float, burst: tuple[float, float] | None, torque: float
+) -> tuple[Array, Array]:
+    """Hold the shank at an angle [rad], let go, and record.
+
+    Parameters
+    ----------
+    model : of the leg
+    start : of the knee [rad]
+    burst : start and end of a reflex after the release [s], None without one
+    torque : of the reflex [N m]
+
+    Returns
+    -------
+    knee angles (frames,) [rad] and marker positions (frames, 8, 3) [m]
+    """
+    data = mujoco.MjData(model)
+    knee = model.joint("knee")
     held = round(HOLD * RATE)
     frames = round((HOLD + SWINGING) * RATE)
     angles = np.empty(frames)
     places = np.empty((frames, 8, 3))
     for frame in range(frames):
-        for step in range(every if frame >= held else 1):
-            if frame < held:
-                data.qpos[:] = 0.0
-                data.qpos[knee] = start
-                data.qvel[:] = 0.0
-                mujoco.mj_forward(model, data)
-            if step == 0:
-                angles[frame] = data.qpos[knee]
-                places[frame] = data.site_xpos
-            if frame >= held:
-                pulls = burst is not None and burst[0] <= data.time <= burst[1]
-                data.qfrc_applied[model.joint("knee").dofadr[0]] = leg.burst if pulls else 0.0
-                mujoco.mj_step(model, data)
-    time = np.arange(frames) / RATE
-    names = tuple(model.site(i).name for i in range(model.nsite))
-    markers = mm.Markers(time, names, places + leg.noise * random.standard_normal(places.shape))
+        if frame < held:
+            data.qpos[:] = 0.0
+            data.qpos[knee.qposadr[0]] = start
+            data.qvel[:] = 0.0
+            mujoco.mj_forward(model, data)
+        angles[frame] = data.qpos[knee.qposadr[0]]
+        places[frame] = data.site_xpos
+        for _ in range(round(1.0 / (RATE * STEP)) if frame >= held else 0):
+            pulls = burst is not None and burst[0] <= data.time <= burst[1]
+            data.qfrc_applied[knee.dofadr[0]] = torque if pulls else 0.0
+            mujoco.mj_step(model, data)
+    return angles, places
+
+
+def _raw_emg(when: tuple[float, float] | None, random: np.random.Generator) -> mm.Series:
+    """Make raw EMG of noise that is larger while a reflex is on its way [s]."""
     samples = np.arange(round((HOLD + SWINGING) * EMG_RATE)) / EMG_RATE
     size = np.full(len(samples), 5e-6)
-    when = None if burst is None else (HOLD + burst[0], HOLD + burst[1])
     if when is not None:
         size[(samples > when[0] - DELAY) & (samples < when[1] - DELAY)] = 6e-5
-    emg = mm.Series(samples, (MUSCLE,), (size * random.standard_normal(len(samples)))[:, None])
-    return Dropped(markers=markers, emg=emg, angles=angles, burst=when)
+    return mm.Series(samples, (MUSCLE,), (size * random.standard_normal(len(samples)))[:, None])
 
 
 def leg_model(leg: RelaxedLeg) -> mm.Model:

@@ -15,7 +15,7 @@ import myomorph as mm
 from myomorph.core.io.mjcf.read import model_from_mujoco
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.functions import linear
-from myomorph.core.model.model import GROUND, Coupler, Marker
+from myomorph.core.model.model import GROUND, Coupler, Joint, Marker
 from myomorph.core.model.segments import segments_of
 
 TETRAHEDRON = np.array([[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
@@ -72,55 +72,66 @@ def many_coordinates(model: mm.Model, free: bool = False) -> mm.Model:
     as they like only if `free`, when no marker has to show them; otherwise the five lumbar joints
     share each bend and rotate evenly, and the chest is stiff.
     """
-    used = set()
-    couplers = list(model.couplers)
-    for first, *others in (LUMBAR.replace("*", axis).split() for axis in ("FE", "LB", "AR")):
-        used |= {first, *others}
-        if not free:
-            couplers += [
-                Coupler(
-                    name=f"{one}_follows",
-                    dependent=one,
-                    function=linear(1.0),
-                    independents=(first,),
-                )
-                for one in others
-            ]
+    lumbar = [LUMBAR.replace("*", axis).split() for axis in ("FE", "LB", "AR")]
+    used = {name for names in lumbar for name in names}
+    inside = _joints_of_the_trunk(model)
+    coordinates = []
+    for one in model.coordinates:
+        moves = free or one.name in used or one.name not in inside
+        if one.name.startswith(("wrist_", "mtp_")):
+            moves = free or one.name.startswith("wrist_")
+        if one.name in inside:
+            reach = _reach(one.name, inside[one.name], used)
+            one = replace(one, range=(one.default - reach, one.default + reach), clamped=True)
+        coordinates.append(replace(one, locked=not moves))
+    return replace(
+        model,
+        coordinates=tuple(coordinates),
+        couplers=(*model.couplers, *(() if free else _shared_bends(lumbar))),
+        markers=(*model.markers, *_head_and_hands(model)),
+    )
+
+
+def _shared_bends(lumbar: list[list[str]]) -> list[Coupler]:
+    """Make the lumbar joints follow the first of them about each axis."""
+    return [
+        Coupler(name=f"{one}_follows", dependent=one, function=linear(1.0), independents=(first,))
+        for first, *others in lumbar
+        for one in others
+    ]
+
+
+def _joints_of_the_trunk(model: mm.Model) -> dict[str, Joint]:
+    """Return the joint of each coordinate between bodies of the trunk."""
     trunk = {"lower_trunk", "upper_trunk"}
     segments = segments_of(model)
-    inside = {
+    return {
         name: joint
         for joint in model.joints
         for name in joint.coordinates
         if joint.parent != GROUND
         and {segments[joint.parent].name, segments[joint.child].name} <= trunk
     }
-    coordinates = []
-    for one in model.coordinates:
-        moves = free or one.name in used or one.name not in inside
-        if one.name in inside:
-            if one.name in used:
-                reach = 0.12
-            elif "vertebra" in inside[one.name].child:
-                reach = 0.08
-            else:
-                reach = 0.05
-            reach = 0.004 if one.name in SLIDING else reach
-            one = replace(one, range=(one.default - reach, one.default + reach), clamped=True)
-        if one.name.startswith(("wrist_", "mtp_")):
-            moves = free or one.name.startswith("wrist_")
-        coordinates.append(replace(one, locked=not moves))
-    markers = list(model.markers)
-    for body, offsets in (
-        ("head_neck", TETRAHEDRON),
-        ("hand_r", TETRAHEDRON[:3]),
-        ("hand_l", TETRAHEDRON[:3]),
-    ):
-        size = 0.08 if body == "head_neck" else 0.03
-        for i, offset in enumerate(offsets):
-            markers.append(
-                Marker(f"{body}_{i + 1}", body, model.body(body).mass_center + size * offset)
-            )
-    return replace(
-        model, coordinates=tuple(coordinates), couplers=tuple(couplers), markers=tuple(markers)
+
+
+def _reach(name: str, joint: Joint, used: set[str]) -> float:
+    """Return how far a coordinate of the trunk goes to either side [rad or m]."""
+    if name in SLIDING:
+        return 0.004
+    if name in used:
+        return 0.12
+    return 0.08 if "vertebra" in joint.child else 0.05
+
+
+def _head_and_hands(model: mm.Model) -> list[Marker]:
+    """Return four markers on the head and three on each hand."""
+    clusters = (
+        ("head_neck", 0.08, TETRAHEDRON),
+        ("hand_r", 0.03, TETRAHEDRON[:3]),
+        ("hand_l", 0.03, TETRAHEDRON[:3]),
     )
+    return [
+        Marker(f"{body}_{i + 1}", body, model.body(body).mass_center + size * offset)
+        for body, size, offsets in clusters
+        for i, offset in enumerate(offsets)
+    ]

@@ -11,7 +11,7 @@ import copy
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -153,6 +153,20 @@ class TreeEngine:
                 at += 1
         self.data = mujoco.MjData(m)
 
+    def _states(self, values: Array, rate: float) -> tuple[States, Array]:
+        """Return MuJoCo's states of the middle frames, and rotations (frames, 3, 3) of the base."""
+        turns = Rotation.from_euler("XYZ", values[:, 3:6]).as_matrix() @ self.start
+        spin, turning = angular_rates(turns, rate)
+        body_turns = turns[MARGIN:-MARGIN]
+        first, second = rates(values, rate)
+        qvel = first.copy()
+        qacc = second.copy()
+        qvel[:, 3:6] = np.einsum("fji,fj->fi", body_turns, spin)
+        qacc[:, 3:6] = np.einsum("fji,fj->fi", body_turns, turning)
+        quaternions = quaternions_of(body_turns)
+        qpos = np.hstack([values[MARGIN:-MARGIN, :3], quaternions, values[MARGIN:-MARGIN, 6:]])
+        return States(qpos=qpos, qvel=qvel, qacc=qacc), body_turns
+
     def measure(
         self, values: Array, rate: float, center: Array, progress: Progress = None
     ) -> tuple[Array, Array]:
@@ -171,30 +185,15 @@ class TreeEngine:
         """
         m = self.compiled
         d = self.data
-        person = self.person
-        turns = Rotation.from_euler("XYZ", values[:, 3:6]).as_matrix() @ self.start
-        spin, turning = angular_rates(turns, rate)
-        body_turns = turns[MARGIN:-MARGIN]
-        first, second = rates(values, rate)
-        qvel = first.copy()
-        qacc = second.copy()
-        qvel[:, 3:6] = np.einsum("fji,fj->fi", body_turns, spin)
-        qacc[:, 3:6] = np.einsum("fji,fj->fi", body_turns, turning)
-        quaternions = quaternions_of(body_turns)
-        qpos = np.hstack([values[MARGIN:-MARGIN, :3], quaternions, values[MARGIN:-MARGIN, 6:]])
-        numbers = [m.body(one.body).id for one in person.markers]
-        local = np.array([one.location for one in person.markers])
-        places = np.empty((len(qpos), len(local), 3))
-        wrench = np.empty((len(qpos), 6))
+        states, body_turns = self._states(values, rate)
+        numbers = [m.body(one.body).id for one in self.person.markers]
+        local = np.array([one.location for one in self.person.markers])
+        frames = len(states.qpos)
+        places = np.empty((frames, len(local), 3))
+        wrench = np.empty((frames, 6))
         generalized = np.empty(m.nv)
-        for frame in range(len(qpos)):
-            d.qpos = qpos[frame]
-            d.qvel = qvel[frame]
-            d.qacc = qacc[frame]
-            mujoco.mj_kinematics(m, d)
-            mujoco.mj_comPos(m, d)
-            mujoco.mj_comVel(m, d)
-            mujoco.mj_rne(m, d, 1, generalized)
+        for frame in range(frames):
+            inverse_dynamics(m, d, states, frame, generalized)
             places[frame] = d.xpos[numbers] + np.einsum(
                 "mij,mj->mi", d.xmat[numbers].reshape(-1, 3, 3), local
             )
@@ -207,6 +206,41 @@ class TreeEngine:
             if progress and frame % 1000 == 999:
                 progress(1000)
         return places, wrench
+
+
+class States(NamedTuple):
+    """States of a MuJoCo model and their rates.
+
+    Attributes
+    ----------
+    qpos : (frames, nq)
+    qvel, qacc : (frames, nv)
+    """
+
+    qpos: Array
+    qvel: Array
+    qacc: Array
+
+
+def inverse_dynamics(
+    model: mujoco.MjModel, data: mujoco.MjData, states: States, frame: int, generalized: Array
+) -> None:
+    """Run MuJoCo's recursive Newton-Euler algorithm on a frame.
+
+    Parameters
+    ----------
+    model, data : of MuJoCo; the data have the frame's kinematics afterwards
+    states : of all frames
+    frame : number
+    generalized : (nv,) forces, written
+    """
+    data.qpos = states.qpos[frame]
+    data.qvel = states.qvel[frame]
+    data.qacc = states.qacc[frame]
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_comVel(model, data)
+    mujoco.mj_rne(model, data, 1, generalized)
 
 
 class SimbodyEngine:
@@ -307,28 +341,31 @@ class SimbodyEngine:
         def in_body(x: Array) -> Array:
             return (back @ x[..., None])[..., 0]
 
-        quaternions = quaternions_of(rotations.reshape(-1, 3, 3))
-        qpos = np.concatenate([origins, quaternions.reshape(frames, bodies, 4)], axis=2).reshape(
-            frames, -1
+        def joined(linear: Array, angular: Array) -> Array:
+            return np.concatenate([linear, angular], axis=2).reshape(frames, -1)
+
+        quaternions = quaternions_of(rotations.reshape(-1, 3, 3)).reshape(frames, bodies, 4)
+        states = States(
+            qpos=joined(origins, quaternions),
+            qvel=joined(velocity, in_body(spin)),
+            qacc=joined(acceleration, in_body(turning)),
         )
-        qvel = np.concatenate([velocity, in_body(spin)], axis=2).reshape(frames, -1)
-        qacc = np.concatenate([acceleration, in_body(turning)], axis=2).reshape(frames, -1)
-        m = self.free
-        d = mujoco.MjData(self.free)
-        generalized = np.empty((frames, m.nv))
-        for frame in range(frames):
-            d.qpos = qpos[frame]
-            d.qvel = qvel[frame]
-            d.qacc = qacc[frame]
-            mujoco.mj_kinematics(m, d)
-            mujoco.mj_comPos(m, d)
-            mujoco.mj_comVel(m, d)
-            mujoco.mj_rne(m, d, 1, generalized[frame])
-        pairs = generalized.reshape(frames, bodies, 6)
+        pairs = self._generalized(states).reshape(frames, bodies, 6)
         forces = pairs[..., :3]
         moments = (rotations @ pairs[..., 3:, None])[..., 0] + np.cross(origins - center, forces)
         wrench = np.concatenate([moments.sum(axis=1), forces.sum(axis=1)], axis=1)
+        return self._markers(rotations, origins), wrench
+
+    def _generalized(self, states: States) -> Array:
+        """Return the forces (frames, 6 bodies) that free bodies need."""
+        data = mujoco.MjData(self.free)
+        generalized = np.empty((len(states.qpos), self.free.nv))
+        for frame in range(len(generalized)):
+            inverse_dynamics(self.free, data, states, frame, generalized[frame])
+        return generalized
+
+    def _markers(self, rotations: Array, origins: Array) -> Array:
+        """Return markers (frames, markers, 3) in ground, of poses of all bodies."""
         numbers = [self.person.body_names.index(one.body) for one in self.person.markers]
         local = np.array([one.location for one in self.person.markers])
-        places = np.einsum("fmij,mj->fmi", rotations[:, numbers], local) + origins[:, numbers]
-        return places, wrench
+        return np.einsum("fmij,mj->fmi", rotations[:, numbers], local) + origins[:, numbers]

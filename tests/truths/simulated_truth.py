@@ -24,26 +24,8 @@ def joint_distances(model: mm.Model) -> dict[tuple[str, str], float]:
     Keys are their bodies' names. A joint to the ground is no joint of the body, and massless
     bodies' joints are not counted.
     """
-    tree = compile_tree(model)
-    pose = forward_kinematics(tree, tree.defaults[None])
     parents = {joint.child: joint.parent for joint in model.joints}
-    free = {one.name for one in model.coordinates if not one.locked} - set(
-        model.dependent_coordinates
-    )
-    turning = {
-        joint.child
-        for joint in model.joints
-        if free & set(joint.coordinates) and joint.parent != GROUND
-    }
-    bodies = np.array([tree.body_index[joint.child] for joint in model.joints])
-    # MuJoCo's joints turn about their anchors, OpenSim's about their child frames' origins.
-    anchors = [_anchor(joint) for joint in model.joints]
-    places = pose.points(bodies, np.array(anchors))[0]
-    centers = {
-        joint.child: place
-        for joint, place in zip(model.joints, places, strict=True)
-        if joint.child in turning
-    }
+    centers = _joint_centers(model)
     found = {}
     for bodies in segments_that_stretch(model):
         joints = [
@@ -55,6 +37,22 @@ def joint_distances(model: mm.Model) -> dict[tuple[str, str], float]:
             for other in joints[:i]:
                 found[other, one] = float(np.linalg.norm(centers[one] - centers[other]))
     return {pair: distance for pair, distance in found.items() if distance > 0.01}
+
+
+def _joint_centers(model: mm.Model) -> dict[str, Array]:
+    """Return centers (3,) in ground of joints that move, by their child in the default pose [m]."""
+    tree = compile_tree(model)
+    pose = forward_kinematics(tree, tree.defaults[None])
+    unlocked = {one.name for one in model.coordinates if not one.locked}
+    free = unlocked - set(model.dependent_coordinates)
+    joints = [
+        joint for joint in model.joints if free & set(joint.coordinates) and joint.parent != GROUND
+    ]
+    bodies = np.array([tree.body_index[joint.child] for joint in joints], np.int64)
+    # MuJoCo's joints turn about their anchors, OpenSim's about their child frames' origins.
+    anchors = np.array([_anchor(joint) for joint in joints]).reshape(-1, 3)
+    places = pose.points(bodies, anchors)[0]
+    return {joint.child: place for joint, place in zip(joints, places, strict=True)}
 
 
 def _anchor(joint: Joint) -> Array:

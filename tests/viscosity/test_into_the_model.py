@@ -365,52 +365,66 @@ def test_opensim_computes_the_same_passive_forces(data, tmp_path):
     )
     write_osim(made, tmp_path / "made.osim")
     read = read_osim(tmp_path / "made.osim")
-    theirs = opensim.Model(str(tmp_path / "made.osim"))
-    state = theirs.initSystem()
-    names = model.coordinate_names
-    named = theirs.getCoordinateSet()
-    forces = theirs.getForceSet()
-    for i in range(theirs.getMuscles().getSize()):
-        theirs.getMuscles().get(i).setAppliesForce(state, False)
     added = [*(one.name for one in read.passive_torques), *(one.name for one in read.bushings)]
     added += [f"{name}_viscosity" for name in straight]
-    solver = opensim.InverseDynamicsSolver(theirs)
-    kept = np.array([100, 300, 500])
-    some = Motion(
-        time=motion.time[kept],
-        names=motion.names,
-        values=motion.values[kept],
-        velocities=motion.velocities[kept],
-    )
+    theirs = _OpenSimForces(opensim, tmp_path / "made.osim", model.coordinate_names, added)
+    some = motion.frames(np.array([100, 300, 500]))
     c, rates = values_and_rates(compile_tree(read), some)
-    rows = [names.index(name) for name in SCAPULA]
-    for name in names:
-        named.get(name).setLocked(state, False)
-    for frame in range(len(kept)):
-        x, y = c[frame, rows[:2]]
-        turn = np.array(
-            [
-                [1, 0, np.sin(y)],
-                [0, np.cos(x), -np.sin(x) * np.cos(y)],
-                [0, np.sin(x), np.cos(x) * np.cos(y)],
-            ]
-        )
+    rows = [model.coordinate_names.index(name) for name in SCAPULA]
+    for frame in range(len(some)):
+        turn = _angular_velocities(*c[frame, rows[:2]])
         speeds = rates[frame].copy()
         speeds[rows] = turn @ speeds[rows]
-        for j, name in enumerate(names):
-            named.get(name).setValue(state, float(c[frame, j]), False)
-            named.get(name).setSpeedValue(state, float(speeds[j]))
-        found = []
-        for on in (True, False):
-            for name in added:
-                forces.get(name).setAppliesForce(state, on)
-            theirs.realizeDynamics(state)
-            found.append(solver.solve(state, opensim.Vector(len(names), 0.0)).to_numpy().copy())
-        given = found[1] - found[0]
+        given = theirs.at(c[frame], speeds)
         # OpenSim's forces of the scapula belong to its angular velocities.
         given[rows] = turn.T @ given[rows]
-        ours = passive_generalized_forces(read, some).values[frame]
-        np.testing.assert_allclose(ours, given, atol=1e-9 * max(1.0, np.abs(given).max()))
+        np.testing.assert_allclose(
+            passive_generalized_forces(read, some).values[frame],
+            given,
+            atol=1e-9 * max(1.0, np.abs(given).max()),
+        )
+
+
+def _angular_velocities(x, y):
+    """Return the matrix (3, 3) from rates of the scapula's angles to its angular velocity."""
+    return np.array(
+        [
+            [1, 0, np.sin(y)],
+            [0, np.cos(x), -np.sin(x) * np.cos(y)],
+            [0, np.sin(x), np.cos(x) * np.cos(y)],
+        ]
+    )
+
+
+class _OpenSimForces:
+    """Generalized forces of some forces of an OpenSim model: torques without them less with."""
+
+    def __init__(self, opensim, path, names, added):
+        self._opensim = opensim
+        self._model = opensim.Model(str(path))
+        self._state = self._model.initSystem()
+        muscles = self._model.getMuscles()
+        for i in range(muscles.getSize()):
+            muscles.get(i).setAppliesForce(self._state, False)
+        self._forces = [self._model.getForceSet().get(name) for name in added]
+        self._coordinates = [self._model.getCoordinateSet().get(name) for name in names]
+        for coordinate in self._coordinates:
+            coordinate.setLocked(self._state, False)
+        self._solver = opensim.InverseDynamicsSolver(self._model)
+
+    def at(self, values, speeds):
+        """Return the forces (coordinates,) in a state of that many values and speeds."""
+        for j, coordinate in enumerate(self._coordinates):
+            coordinate.setValue(self._state, float(values[j]), False)
+            coordinate.setSpeedValue(self._state, float(speeds[j]))
+        found = []
+        for on in (True, False):
+            for force in self._forces:
+                force.setAppliesForce(self._state, on)
+            self._model.realizeDynamics(self._state)
+            zero = self._opensim.Vector(len(values), 0.0)
+            found.append(self._solver.solve(self._state, zero).to_numpy().copy())
+        return found[1] - found[0]
 
 
 def test_bushings_make_up_for_what_one_cannot_express(data):

@@ -177,11 +177,8 @@ def test_a_c3d_holds_all_of_it(swung):
     same(trial, made.trial, specimen.center_in_ground, 2e-5)
 
 
-def test_a_plate_is_put_where_a_weight_says_it_is(swung):
-    folder, specimen, made = swung
-    turn = axis_rotation([0.0, 0.0, 1.0], 0.4)
-    center = np.array([0.2, -0.1, 0.0])
-    thought = center + [0.01, -0.008, 0.0]
+def _weight_on(center, turn):
+    """Put a disc of 10 kg on five places of a plate, 4 s each; markers and what it presses with."""
     grid = [(0.15, 0.2), (-0.15, 0.2), (-0.15, -0.2), (0.15, -0.2), (0.0, 0.05)]
     time = np.arange(0.0, 6.0 * len(grid), 0.005)
     fine = np.arange(0.0, 6.0 * len(grid), 0.0005)
@@ -195,36 +192,42 @@ def test_a_plate_is_put_where_a_weight_says_it_is(swung):
         force[loaded, 0] = [0.0, 0.0, 10 * 9.80665]
         points[loaded, 0] = foot
     spread = np.array([[0.08, 0, 0], [-0.04, 0.07, 0], [-0.04, -0.07, 0]])
-    seen = Markers(time, ("a", "b", "c"), point[:, None] + spread)
-    weight = plate_of(
-        Wrenches(
-            time=fine, names=("w",), bodies=("",), forces=force, points=points, torques=0 * force
-        ),
-        turn,
-        center,
+    markers = Markers(time, ("a", "b", "c"), point[:, None] + spread)
+    wrenches = Wrenches(
+        time=fine, names=("w",), bodies=("",), forces=force, points=points, torques=0 * force
     )
-    moved = replace(weight, corners=weight.corners + (thought - center))
-    write_c3d(folder / "weight.c3d", seen, moved)
+    return markers, wrenches
+
+
+def _write_weight(path, center, turn):
+    """Write the weight on a plate that the file has a centimeter off; return these corners."""
+    markers, wrenches = _weight_on(center, turn)
+    weight = plate_of(wrenches, turn, center)
+    corners = weight.corners + [0.01, -0.008, 0.0]
+    write_c3d(path, markers, replace(weight, corners=corners))
+    return corners
+
+
+def test_a_plate_is_put_where_a_weight_says_it_is(swung):
+    folder, specimen, made = swung
+    turn = axis_rotation([0.0, 0.0, 1.0], 0.4)
+    center = np.array([0.2, -0.1, 0.0])
+    corners = _write_weight(folder / "weight.c3d", center, turn)
     files = PlateFiles((folder / "weight.c3d",), MarkedWeight("disc", ("a", "b", "c"), mass=10.0))
     found = calibrate(files)
     np.testing.assert_allclose(found.center[:2], center[:2], atol=2e-4)
     assert plate_residuals(found)[0].value < 0.2
-    lab = Z_UP_TO_Y_UP.T
-    raw = plate_of(turned(made.trial.wrenches, lab), turn, center)
-    write_c3d(
-        folder / "d.c3d", made.trial.markers.rotated(lab), replace(raw, corners=moved.corners)
-    )
+    plate = plate_of(turned(made.trial.wrenches, Z_UP_TO_Y_UP.T), turn, center)
+    markers = made.trial.markers.rotated(Z_UP_TO_Y_UP.T)
+    write_c3d(folder / "d.c3d", markers, replace(plate, corners=corners))
     swings = SwingFiles("one", folder / "d.c3d", folder / "d.c3d")
     known = SpecimenFiles("s", folder / "arm.osim", up="z")
-    trial, _ = open_swing(swings, specimen.model, known, lambda one: placed(one, files, found))
+    trial = open_swing(swings, specimen.model, known, lambda one: placed(one, files, found))[0]
     at = specimen.center_in_ground
-    np.testing.assert_allclose(
-        wrench_about(trial.wrenches, at), wrench_about(made.trial.wrenches, at), atol=0.02
-    )
-    off, _ = open_swing(swings, specimen.model, known)
-    assert (
-        np.abs(wrench_about(off.wrenches, at) - wrench_about(made.trial.wrenches, at)).max() > 0.1
-    )
+    truth = wrench_about(made.trial.wrenches, at)
+    np.testing.assert_allclose(wrench_about(trial.wrenches, at), truth, atol=0.02)
+    trial = open_swing(swings, specimen.model, known)[0]
+    assert np.abs(wrench_about(trial.wrenches, at) - truth).max() > 0.1
     with pytest.raises(UnknownName, match="'FP7'"):
         calibrate(replace(files, plate="FP7"))
 
