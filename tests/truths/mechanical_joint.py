@@ -134,6 +134,8 @@ BASE_MARKERS: Mapping[str, Array] = FrozenMap(
     }
 )
 """From the joint's center, in ground [m]."""
+AT_BASE = {name: CENTER + place for name, place in BASE_MARKERS.items()}
+"""In ground [m]."""
 LIMB_MARKERS: Mapping[str, Array] = FrozenMap(
     {
         f"limb_{i}": np.array(one)
@@ -371,7 +373,6 @@ def mechanical_joint(
     if hinge is None:
         compiled.qpos_spring[:] = Rotation.from_rotvec(slack).as_quat(scalar_first=True)
     compiled.dof_frictionloss[:] = experiment.friction
-    at_base = {name: CENTER + place for name, place in BASE_MARKERS.items()}
     instruments = Instruments(noise, random)
     made = []
     for number in range(experiment.trials):
@@ -382,7 +383,7 @@ def mechanical_joint(
         made.append(
             VirtualTrial(
                 name=f"release {number + 1}",
-                markers=measured_markers(exact, CENTER, at_base, LIMB_MARKERS, instruments),
+                markers=measured_markers(exact, CENTER, AT_BASE, LIMB_MARKERS, instruments),
                 wrenches=measured_wrench(exact, CENTER, PLATE, "base", instruments),
                 exact=exact,
             )
