@@ -17,7 +17,7 @@ activations, not f and g.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -52,17 +52,21 @@ FRICTION = 0.6  # Coefficient that the fighters count on
 STIFFNESS = 120.0  # Of the way back to the plan [1/s^2]
 
 
+class Habits(NamedTuple):
+    """How both fighters recruit their muscles, w and a0 of the cost above."""
+
+    weight: Array  # (muscles,)
+    tone: Array  # (muscles,) activation at rest
+
+
 class Controller:
-    """Activations of both fighters from the state, instant by instant.
+    """Activations of both fighters from the state, instant by instant."""
 
-    `weight` and `tone` are w and a0 (muscles,).
-    """
-
-    def __init__(self, compiled: Any, weight: Array, tone: Array):
+    def __init__(self, compiled: Any, habits: Habits):
         self._m = compiled
-        self._weight = weight
-        self._tone = tone
-        self._before = tone.copy()
+        self._weight = habits.weight
+        self._tone = habits.tone
+        self._before = habits.tone.copy()
         self._scale = np.full(compiled.nv, ACCELERATION)
         self._scale[roots(compiled)] = ROOT
 
@@ -252,7 +256,7 @@ def _solve(H: Array, c: Array, muscles: int, corners: int) -> Array:
     low[forces][1::3] = 0.0
     G = np.zeros((4 * corners, n))
     G[:, forces] = pyramids(corners, FRICTION)
-    return least(H, c, low, high, G if corners else None, 1e-5)
+    return least(Program(H=H, c=c, low=low, high=high, G=G if corners else None), 1e-5)
 
 
 def pyramids(corners: int, friction: float) -> Array:
@@ -276,20 +280,29 @@ def pyramids(corners: int, friction: float) -> Array:
     return np.asarray(np.kron(np.eye(corners), across), dtype=np.float64)
 
 
-def least(H: Array, c: Array, low: Array, high: Array, G: Array | None, accuracy: float) -> Array:
-    """Minimize x'Hx/2 + c'x with low <= x <= high and G x <= 0.
+class Program(NamedTuple):
+    """Minimize x'Hx/2 + c'x with low <= x <= high and G x <= 0."""
+
+    H: Array  # (n, n)
+    c: Array  # (n,)
+    low: Array  # (n,)
+    high: Array  # (n,)
+    G: Array | None = None  # (rows, n); None for no such rows
+
+
+def least(program: Program, accuracy: float) -> Array:
+    """Solve a convex quadratic program.
 
     Parameters
     ----------
-    H : (n, n)
-    c, low, high : (n,)
-    G : (rows, n), None for no such rows
+    program : its matrices
     accuracy : of the solution, absolute and relative
 
     Returns
     -------
     (n,) x
     """
+    H, c, low, high, G = program
     solver = from_extra("demo", "piqp").DenseSolver()
     solver.settings.eps_abs = solver.settings.eps_rel = accuracy
     solver.setup(H, c, None, None, G, None, None if G is None else np.zeros(len(G)), low, high)
@@ -324,8 +337,7 @@ def simulate_bout(
     compiled: Any,
     builds: Mapping[str, Build],
     plan: Plan,
-    weight: Array,
-    tone: Array,
+    habits: Habits,
     until: float = np.inf,
 ) -> Run:
     """Move both fighters through a plan.
@@ -335,7 +347,7 @@ def simulate_bout(
     compiled : mujoco.MjModel of both
     builds : by fighter
     plan : poses and pulls over time
-    weight, tone : (muscles,) w and a0 of `Controller`
+    habits : weights and tone of the muscles
     until : time at which it ends, where the plan is longer [s]
 
     Returns
@@ -345,31 +357,18 @@ def simulate_bout(
     m = compiled
     data = mujoco.MjData(m)
     data.qpos[:] = plan.poses[0]
-    controller = Controller(m, weight, tone)
+    controller = Controller(m, habits)
     steps = round(min(plan.duration, until) / STEP)
-    contacts = len(FEET) + len(GRIPS)
-    record: dict[str, Array] = {
-        "time": np.empty(steps),
-        "qpos": np.empty((steps, m.nq)),
-        "activations": np.empty((steps, m.nu)),
-        "tensions": np.empty((steps, m.nu)),
-        "forces": np.zeros((steps, contacts, 3)),
-        "moments": np.zeros((steps, contacts, 3)),
-        "places": np.zeros((steps, len(GRIPS), 3)),
-        "strayed": np.zeros(steps),
-    }
+    record = _empty_record(m, steps)
     anchors: dict[str, list[tuple[int, Array, Array]]] = {}
-    activation = tone.copy()
-    chosen = tone
-    error = np.empty(m.nv)
+    activation = habits.tone.copy()
+    chosen = habits.tone
     for index in range(steps):
         mujoco.mj_step1(m, data)
         if index % CONTROL == 0:
             standing = _standing(m, data, builds, plan, index * STEP, anchors)
-            q, rates, accelerations = plan.at(m, index * STEP)
-            mujoco.mj_differentiatePos(m, error, 1.0, data.qpos, q)
-            record["strayed"][index : index + CONTROL] = np.abs(error).max()
-            aim = accelerations + STIFFNESS * error + 2.0 * np.sqrt(STIFFNESS) * (rates - data.qvel)
+            aim, strayed = _aim(m, data, plan, index * STEP)
+            record["strayed"][index : index + CONTROL] = strayed
             lapel, sleeve = plan.pulls(index * STEP)
             chosen = controller.activations(
                 data, aim, standing, np.array([lapel, 0.0, 0.0]), sleeve
@@ -381,7 +380,8 @@ def simulate_bout(
         record["activations"][index] = activation
         mujoco.mj_step2(m, data)
         record["tensions"][index] = -data.actuator_force
-        _record_forces(m, data, record, index)
+        _record_soles(m, data, record, index)
+        _record_grips(m, data, record, index)
     return Run(
         time=record["time"],
         qpos=record["qpos"],
@@ -392,6 +392,30 @@ def simulate_bout(
         places=record["places"],
         strayed=record["strayed"],
     )
+
+
+def _empty_record(m: Any, steps: int) -> dict[str, Array]:
+    """Allocate the fields of `Run` for so many steps."""
+    contacts = len(FEET) + len(GRIPS)
+    return {
+        "time": np.empty(steps),
+        "qpos": np.empty((steps, m.nq)),
+        "activations": np.empty((steps, m.nu)),
+        "tensions": np.empty((steps, m.nu)),
+        "forces": np.zeros((steps, contacts, 3)),
+        "moments": np.zeros((steps, contacts, 3)),
+        "places": np.zeros((steps, len(GRIPS), 3)),
+        "strayed": np.zeros(steps),
+    }
+
+
+def _aim(m: Any, data: Any, plan: Plan, time: float) -> tuple[Array, float]:
+    """Find the accelerations (nv,) that lead back to the plan, and how far off a joint is."""
+    q, rates, accelerations = plan.at(m, time)
+    error = np.empty(m.nv)
+    mujoco.mj_differentiatePos(m, error, 1.0, data.qpos, q)
+    aim = accelerations + STIFFNESS * error + 2.0 * np.sqrt(STIFFNESS) * (rates - data.qvel)
+    return aim, np.abs(error).max()
 
 
 def _standing(
@@ -419,10 +443,9 @@ def _standing(
     return [corner for corners in anchors.values() for corner in corners]
 
 
-def _record_forces(m: Any, data: Any, record: Mapping[str, Array], step: int) -> None:
+def _record_soles(m: Any, data: Any, record: Mapping[str, Array], step: int) -> None:
+    """Add up what MuJoCo's contacts of the mat do to the feet."""
     mat = m.geom("mat").id
-    lapel = len(FEET)
-    sleeve = len(FEET) + 1
     feet = {m.body(name).id: c for c, name in enumerate(FEET)}
     count = int(data.ncon)
     forces = np.empty((count, 3))
@@ -436,6 +459,12 @@ def _record_forces(m: Any, data: Any, record: Mapping[str, Array], step: int) ->
         owners[i] = feet[int(m.geom_bodyid[contact.geom2 if below else contact.geom1])]
     np.add.at(record["forces"][step], owners, forces)
     np.add.at(record["moments"][step], owners, np.cross(data.contact.pos.reshape(-1, 3), forces))
+
+
+def _record_grips(m: Any, data: Any, record: Mapping[str, Array], step: int) -> None:
+    """Record the forces of the lapel's constraint and of the sleeve on tori's fists."""
+    lapel = len(FEET)
+    sleeve = len(FEET) + 1
     rows = (data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)) & (
         data.efc_id == m.equality("lapel").id
     )

@@ -114,36 +114,47 @@ def heard_of(strokes: Sequence[Truth], scene: Scene, rng: np.random.Generator) -
 
 
 def _strokes(scene: Scene, rng: np.random.Generator) -> tuple[Truth, ...]:
-    """Impacts of all drums; between two on one drum lie 0.7 to 1.3 of the interval."""
-    found = []
-    low = np.log(scene.softest)
-    high = np.log(scene.loudest)
+    """Draw the impacts of all drums, some of two drums at nearly one time."""
+    drawn = _even_strokes(scene, rng)
+    apart = 0.06
+    kept: list[Truth] = []
+    for stroke in sorted(drawn, key=lambda stroke: stroke.time):
+        near = any(stroke.time - other.time < apart and other.drum != stroke.drum for other in kept)
+        if near and rng.uniform() >= scene.tied:
+            continue
+        kept.append(stroke)
+    tied = _tied_strokes(kept, scene, rng)
+    return tuple(sorted([*kept, *tied], key=lambda stroke: stroke.time))
+
+
+def _even_strokes(scene: Scene, rng: np.random.Generator) -> list[Truth]:
+    """Draw the impacts of each drum; between two lie 0.7 to 1.3 of the interval."""
+    strokes = []
     for k, name in enumerate(list(DRUMS)[: scene.drums]):
         time = 0.5 + 0.37 * k * scene.interval
         while time < scene.duration - 1.0:
-            found.append(Truth(name, time, float(np.exp(rng.uniform(low, high)))))
+            strokes.append(Truth(name, time, _impulse(scene, rng)))
             time += scene.interval * rng.uniform(0.7, 1.3)
-    apart = 0.06
-    kept: list[Truth] = []
-    for one in sorted(found, key=lambda stroke: stroke.time):
-        near = [
-            k
-            for k, other in enumerate(kept)
-            if one.time - other.time < apart and other.drum != one.drum
-        ]
-        if near and rng.uniform() >= scene.tied:
+    return strokes
+
+
+def _tied_strokes(strokes: Sequence[Truth], scene: Scene, rng: np.random.Generator) -> list[Truth]:
+    """Draw impacts of another drum at nearly the times of some, as far as it is free."""
+    tied = []
+    for stroke in strokes:
+        if not (rng.uniform() < scene.tied and scene.drums > 1):
             continue
-        kept.append(one)
-    extra = []
-    for one in kept:
-        if rng.uniform() < scene.tied and scene.drums > 1:
-            other = str(
-                rng.choice([name for name in list(DRUMS)[: scene.drums] if name != one.drum])
-            )
-            at = one.time + rng.uniform(0.0, 0.03)
-            if all(abs(at - s.time) > 0.1 for s in kept if s.drum == other):
-                extra.append(Truth(other, at, float(np.exp(rng.uniform(low, high)))))
-    return tuple(sorted([*kept, *extra], key=lambda stroke: stroke.time))
+        others = [name for name in list(DRUMS)[: scene.drums] if name != stroke.drum]
+        drum = str(rng.choice(others))
+        time = stroke.time + rng.uniform(0.0, 0.03)
+        if all(abs(time - other.time) > 0.1 for other in strokes if other.drum == drum):
+            tied.append(Truth(drum, time, _impulse(scene, rng)))
+    return tied
+
+
+def _impulse(scene: Scene, rng: np.random.Generator) -> float:
+    """Draw an impulse between the softest and the loudest, even in its logarithm [N s]."""
+    return float(np.exp(rng.uniform(np.log(scene.softest), np.log(scene.loudest))))
 
 
 def _add(source: Array, stroke: Truth, scene: Scene, rng: np.random.Generator) -> None:

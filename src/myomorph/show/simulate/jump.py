@@ -13,6 +13,7 @@ import importlib.util
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -23,7 +24,15 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData, MissingPackage
 from myomorph.core.model.model import Marker, Model
 from myomorph.core.model.scale import scale
-from myomorph.core.model.series import Analog, Event, Markers, Motion, Trial, Wrenches
+from myomorph.core.model.series import (
+    Analog,
+    Event,
+    ForcePlate,
+    Markers,
+    Motion,
+    Trial,
+    Wrenches,
+)
 from myomorph.core.model.spatial import Transform
 from myomorph.core.motion.ik import InverseKinematicsOptions, inverse_kinematics
 from myomorph.core.motion.measurements import place_markers
@@ -127,30 +136,19 @@ def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
     -------
     Wrenches on both feet, and the share (samples,) that the plate shows, NaN where it is not loaded
     """
-    plate = trial.plates[0]
     markers = trial.markers
     assert markers is not None
     clock = trial.plate_time
-    center = plate.points
-    loaded = np.isfinite(center[:, 0])
-    heel = _at(clock, markers.time, markers["Right_TalonInf"])
-    ankle = _at(clock, markers.time, markers["RAJC"])
-    left = _at(clock, markers.time, markers["LHJC"])
-    right = _at(clock, markers.time, markers["RHJC"])
-    still = (clock >= QUIET[0]) & (clock <= QUIET[1])
-    run = (ankle - heel)[still].mean(axis=0)
-    point = center.copy()
-    point[:, 2] = ankle[:, 2] + (center[:, 0] - ankle[:, 0]) * run[2] / run[0]
-    force = np.where(loaded[:, None], 0.5 * plate.forces, 0.0)
-    torque = 0.5 * np.nan_to_num(plate.torques)
+    right = _right_foot(trial.plates[0], markers, clock)
     middle_points, side_points = middle_plane(markers)
     middle = _at(clock, markers.time, middle_points)
     side = _at(clock, markers.time, side_points)
     side = side / np.linalg.norm(side, axis=1, keepdims=True)
-    forces = np.stack([force, mirrored(force, side)], axis=1)
-    points = np.stack([point, middle + mirrored(point - middle, side)], axis=1)
+    left_point = middle + mirrored(right.point - middle, side)
+    forces = np.stack([right.force, mirrored(right.force, side)], axis=1)
+    points = np.stack([right.point, left_point], axis=1)
     # A torque is an axial vector: its mirror image turns the other way.
-    torques = np.stack([torque, -mirrored(torque, side)], axis=1)
+    torques = np.stack([right.torque, -mirrored(right.torque, side)], axis=1)
     wrenches = Wrenches(
         time=clock,
         names=("right_foot", "left_foot"),
@@ -159,9 +157,39 @@ def shared_wrenches(trial: Trial) -> tuple[Wrenches, Array]:
         points=points,
         torques=torques,
     )
+    return wrenches, _share_of_plate(trial.plates[0], markers, clock, right.point)
+
+
+class _FootLoad(NamedTuple):
+    """What half of the plate does to the right foot, (samples, 3) each."""
+
+    force: Array  # [N]
+    point: Array  # [m]
+    torque: Array  # about the point [N m]
+
+
+def _right_foot(plate: ForcePlate, markers: Markers, clock: Array) -> _FootLoad:
+    """Put half of the plate's load on the line from the heel through the ankle's center."""
+    center = plate.points
+    loaded = np.isfinite(center[:, 0])
+    heel = _at(clock, markers.time, markers["Right_TalonInf"])
+    ankle = _at(clock, markers.time, markers["RAJC"])
+    still = (clock >= QUIET[0]) & (clock <= QUIET[1])
+    run = (ankle - heel)[still].mean(axis=0)
+    point = center.copy()
+    point[:, 2] = ankle[:, 2] + (center[:, 0] - ankle[:, 0]) * run[2] / run[0]
+    force = np.where(loaded[:, None], 0.5 * plate.forces, 0.0)
+    return _FootLoad(force, point, 0.5 * np.nan_to_num(plate.torques))
+
+
+def _share_of_plate(plate: ForcePlate, markers: Markers, clock: Array, point: Array) -> Array:
+    """Find the share of the right foot (samples,) that the plate's center of pressure shows."""
+    left = _at(clock, markers.time, markers["LHJC"])
+    right = _at(clock, markers.time, markers["RHJC"])
     hips = 0.5 * (left + right)[:, 2]
+    center = plate.points
     share = 0.5 + 0.5 * (center[:, 2] - hips) / (point[:, 2] - hips)
-    return wrenches, np.where(loaded, share, np.nan)
+    return np.where(np.isfinite(center[:, 0]), share, np.nan)
 
 
 def _at(clock: Array, time: Array, column: Array) -> Array:
@@ -186,23 +214,25 @@ def events_of(trial: Trial) -> tuple[Event, ...]:
         raise BadData("plate 1 is never unloaded: this is no jump")
     takeoff = clock[flight[0]]
     landing = clock[flight[-1]]
+    height = np.mean([markers[name][:, 1] for name in PELVIS_MARKERS], axis=0)
+    early = markers.time < takeoff
+    events = {
+        "Start": _start(clock, force, takeoff),
+        "Lowest": markers.time[early][np.argmin(height[early])],
+        "Take-off": takeoff,
+        "Landing": landing,
+        "Peak": clock[np.argmax(np.where(clock >= landing, force, 0.0))],
+    }
+    return tuple(Event(float(time), label) for label, time in events.items())
+
+
+def _start(clock: Array, force: Array, takeoff: float) -> float:
+    """Find when the force leaves quiet standing by five standard deviations for good [s]."""
     still = (clock >= QUIET[0]) & (clock <= QUIET[1])
     level = force[still].mean()
     spread = force[still].std()
     before = np.flatnonzero((np.abs(force - level) < 5.0 * spread) & (clock < takeoff - 0.5))
-    height = np.mean([markers[name][:, 1] for name in PELVIS_MARKERS], axis=0)
-    early = markers.time < takeoff
-    lowest = markers.time[early][np.argmin(height[early])]
-    start = clock[before[-1]]
-    peak = clock[np.argmax(np.where(clock >= landing, force, 0.0))]
-    events = {
-        "Start": start,
-        "Lowest": lowest,
-        "Take-off": takeoff,
-        "Landing": landing,
-        "Peak": peak,
-    }
-    return tuple(Event(float(time), label) for label, time in events.items())
+    return float(clock[before[-1]])
 
 
 TRUNK_BEND = "lumbar_extension"

@@ -27,7 +27,7 @@ from myomorph.core.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.core.motion.filters import lowpass
 from myomorph.core.rigid.kinematics import marker_positions
 from myomorph.show.simulate import fighter
-from myomorph.show.simulate.bout import FEET, GRIPS, Run, simulate_bout
+from myomorph.show.simulate.bout import Habits, FEET, GRIPS, Run, simulate_bout
 from myomorph.show.simulate.plan import Kind, Plan, make_plan, start_pose
 
 SETTLING = 0.3  # Time at the start that is not recorded, while the fighters settle [s].
@@ -112,8 +112,8 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
     options = options or PairOptions()
     random = np.random.default_rng(options.seed)
     with silent_mujoco():
-        compiled, builds, believed, plan, weight, tone = _setting(options, random)
-        run = simulate_bout(compiled, builds, plan, weight, tone, options.until)
+        compiled, builds, believed, plan, habits = _setting(options, random)
+        run = simulate_bout(compiled, builds, plan, habits, options.until)
         strayed = float(run.strayed[round(SETTLING / fighter.STEP) :].max())
         if strayed > FALLEN:
             raise BadData(
@@ -128,11 +128,10 @@ def virtual_pair(options: PairOptions | None = None, cutoff: float | None = None
 
 def _setting(
     options: PairOptions, random: np.random.Generator
-) -> tuple[Any, dict[str, fighter.Build], dict[str, fighter.Build], Plan, Array, Array]:
+) -> tuple[Any, dict[str, fighter.Build], dict[str, fighter.Build], Plan, Habits]:
     """Draw the setting of a bout.
 
-    It is the pair's mujoco.MjModel, builds, builds as the laboratory takes them, plan, weight and
-    tone (muscles,).
+    It is the pair's mujoco.MjModel, builds, builds as the laboratory takes them, plan, and habits.
     """
     builds = {
         part: fighter.Build(
@@ -150,7 +149,7 @@ def _setting(
         part: fighter.misjudged(build, options.strength_error, random)
         for part, build in builds.items()
     }
-    return compiled, builds, believed, plan, weight, tone
+    return compiled, builds, believed, plan, Habits(weight, tone)
 
 
 def fighter_model(part: str, build: fighter.Build) -> Model:
@@ -170,13 +169,6 @@ def _truth(
     rows = slice(round(SETTLING / fighter.STEP), None, every)
     time = run.time[rows] - run.time[rows][0]
     whole = join_models(models)
-    values = []
-    start = 0
-    for model in models.values():
-        width = len(model.coordinates) + 1
-        values.append(coordinates_from_qpos(model, run.qpos[rows, start : start + width]))
-        start += width
-    coordinates = np.unwrap(np.hstack(values), axis=0)
     muscles = tuple(compiled.actuator(i).name for i in range(compiled.nu))
 
     def seen(values: Array) -> Array:
@@ -185,24 +177,38 @@ def _truth(
     forces = seen(run.forces)
     moments = seen(run.moments)
     points = _points(run, rows, forces, moments)
-    torques = moments - np.cross(points, forces)
+    return PairTruth(
+        motion=Motion(time, whole.coordinate_names, _coordinates(models, run.qpos[rows])),
+        activations=Series(time, muscles, run.activations[rows]),
+        tensions=Series(time, muscles, run.tensions[rows]),
+        forces=Series(time, (*FEET, *GRIPS), forces),
+        wrenches=_wrenches(time, forces, points, moments - np.cross(points, forces)),
+        models=FrozenMap(dict(models)),
+    )
+
+
+def _coordinates(models: Mapping[str, Model], qpos: Array) -> Array:
+    """Convert MuJoCo's positions of all models, one after the other, to coordinates."""
+    values = []
+    start = 0
+    for model in models.values():
+        width = len(model.coordinates) + 1
+        values.append(coordinates_from_qpos(model, qpos[:, start : start + width]))
+        start += width
+    return np.unwrap(np.hstack(values), axis=0)
+
+
+def _wrenches(time: Array, forces: Array, points: Array, torques: Array) -> Wrenches:
+    """Make wrenches of (frames, contacts, 3) values, with what the grips do to uke."""
     bodies = (*FEET, "tori_forearm_r", "tori_forearm_l", "uke_torso", "uke_forearm_r")
     grips = slice(len(FEET), None)
-    wrenches = Wrenches(
+    return Wrenches(
         time=time,
         names=(*FEET, *GRIPS, *(f"{grip}_on_uke" for grip in GRIPS)),
         bodies=bodies,
         forces=np.concatenate([forces, -forces[:, grips]], axis=1),
         points=np.concatenate([points, points[:, grips]], axis=1),
         torques=np.concatenate([torques, -torques[:, grips]], axis=1),
-    )
-    return PairTruth(
-        motion=Motion(time, whole.coordinate_names, coordinates),
-        activations=Series(time, muscles, run.activations[rows]),
-        tensions=Series(time, muscles, run.tensions[rows]),
-        forces=Series(time, (*FEET, *GRIPS), forces),
-        wrenches=wrenches,
-        models=FrozenMap(dict(models)),
     )
 
 

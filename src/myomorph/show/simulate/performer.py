@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -22,7 +22,14 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.motion.splines import natural_spline
 from myomorph.show.simulate import fighter
-from myomorph.show.simulate.bout import least, mass_matrix, moments, muscle_strength, pyramids
+from myomorph.show.simulate.bout import (
+    Program,
+    least,
+    mass_matrix,
+    moments,
+    muscle_strength,
+    pyramids,
+)
 from myomorph.show.simulate.flight import balanced_leans
 from myomorph.show.simulate.plan import Aim, jacobian, posed, start_pose
 
@@ -120,7 +127,7 @@ def performed(part: Part) -> Performance:
     time = np.arange(round(part.duration * part.rate) + 1) / part.rate
     part = _in_flight(true, part)
     states = _states(true, part, time)
-    forces, wrench, missing, torques, activations = _dynamics(true, part, time, states, random)
+    loads = _dynamics(true, part, time, states, random)
     model = model_from_mujoco(believed, marker_sites="marker_.*")
     values = np.unwrap(coordinates_from_qpos(model, states[0]), axis=0)
     hinges = tuple(true.joint(j).name for j in range(1, true.njnt))
@@ -129,11 +136,11 @@ def performed(part: Part) -> Performance:
         text=text,
         body=model,
         motion=Motion(time, model.coordinate_names, values),
-        forces=Series(time, tuple(contact.name for contact in part.contacts), forces),
-        wrench=wrench,
-        missing=missing,
-        torques=Series(time, hinges, torques),
-        activations=Series(time, muscles, activations),
+        forces=Series(time, tuple(contact.name for contact in part.contacts), loads.forces),
+        wrench=loads.wrench,
+        missing=loads.missing,
+        torques=Series(time, hinges, loads.torques),
+        activations=Series(time, muscles, loads.activations),
     )
 
 
@@ -332,14 +339,24 @@ def force_of(blow: Blow, time: Array) -> Array:
     )
 
 
+class _Loads(NamedTuple):
+    """What acts on the person and in it while it moves."""
+
+    forces: Array  # (frames, contacts, 3) [N]
+    wrench: Array  # (frames, 6) of all contacts, moment about the ground's origin [N m], force [N]
+    missing: Array  # (frames, 6) of it that no contact gives, about the center of mass
+    torques: Array  # (frames, hinges) [N m]
+    activations: Array  # (frames, muscles)
+
+
 def _dynamics(
     compiled: Any,
     part: Part,
     time: Array,
     states: tuple[Array, Array, Array],
     random: np.random.Generator,
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Compute forces of contacts, their wrench, what they miss, torques of hinges, activations."""
+) -> _Loads:
+    """Compute what the planned motion needs of contacts, hinges and muscles."""
     data = mujoco.MjData(compiled)
     ready = np.stack([contact.on(time) for contact in part.contacts], axis=1)
     corners = [
@@ -350,50 +367,64 @@ def _dynamics(
     weight = np.exp(0.5 * random.standard_normal(len(corners)))
     effort = np.exp(0.5 * random.standard_normal(compiled.nu))
     tone = random.uniform(0.01, 0.05, compiled.nu)
-    forces = np.zeros((len(time), len(part.contacts), 3))
-    wrench = np.zeros((len(time), 6))
-    missing = np.zeros((len(time), 6))
-    torques = np.zeros((len(time), compiled.nv - 6))
+    loads = _Loads(
+        forces=np.zeros((len(time), len(part.contacts), 3)),
+        wrench=np.zeros((len(time), 6)),
+        missing=np.zeros((len(time), 6)),
+        torques=np.zeros((len(time), compiled.nv - 6)),
+        activations=np.zeros((len(time), compiled.nu)),
+    )
     before = tone
-    activations = np.zeros((len(time), compiled.nu))
-    values, velocities, accelerations = states
     for frame in range(len(time)):
-        data.qpos[:] = values[frame]
-        data.qvel[:] = velocities[frame]
-        data.qacc[:] = accelerations[frame]
-        mujoco.mj_inverse(compiled, data)
-        needed = np.array(data.qfrc_inverse)
-        for blow in part.blows:
-            push = float(force_of(blow, time[frame : frame + 1])[0])
-            if push:
-                needed -= (
-                    push * jacobian(compiled, data, compiled.body(blow.body).id, blow.point)[0][1]
-                )
-        wrench[frame] = _root_wrench(data, needed)
+        needed = _needed(compiled, data, part, time[frame : frame + 1], [x[frame] for x in states])
+        loads.wrench[frame] = _root_wrench(data, needed)
         places = [jacobian(compiled, data, body, point) for _, body, point in corners]
-        pushed = _shared(
-            wrench[frame], [at for _, at in places], corners, ready[frame], weight, part
-        )
+        positions = [at for _, at in places]
+        pushed = _shared(loads.wrench[frame], positions, corners, ready[frame], weight, part)
         middle = np.array(data.subtree_com[0])
-        missing[frame] = wrench[frame]
-        missing[frame, :3] -= np.cross(middle, wrench[frame, 3:])
+        missing = loads.missing[frame]
+        missing[:] = loads.wrench[frame]
+        missing[:3] -= np.cross(middle, loads.wrench[frame, 3:])
         for (contact, _, _), (J, at), force in zip(corners, places, pushed, strict=True):
-            forces[frame, contact] += force
+            loads.forces[frame, contact] += force
             needed -= J.T @ force
-            missing[frame] -= np.append(np.cross(at - middle, force), force)
-        torques[frame] = needed[6:]
-        mujoco.mj_fwdPosition(compiled, data)
-        mujoco.mj_fwdVelocity(compiled, data)
-        arms = -moments(compiled, data)[:, 6:]
-        active, passive, _ = muscle_strength(compiled, data)
-        pull = (arms.T * active) / EXACT / 100.0
-        miss = (torques[frame] - arms.T @ passive) / EXACT / 100.0
-        cost = effort * (0.05 + np.abs(before - tone))
-        H = pull.T @ pull + np.diag(cost)
-        c = -pull.T @ miss - cost * tone
-        before = np.clip(least(H, c, np.zeros(len(c)), np.ones(len(c)), None, ACCURACY), 0.0, 1.0)
-        activations[frame] = before
-    return forces, wrench, missing, torques, activations
+            missing -= np.append(np.cross(at - middle, force), force)
+        loads.torques[frame] = needed[6:]
+        before = _recruited(compiled, data, loads.torques[frame], effort, tone, before)
+        loads.activations[frame] = before
+    return loads
+
+
+def _needed(compiled: Any, data: Any, part: Part, time: Array, state: Sequence[Array]) -> Array:
+    """Find the generalized forces (nv,) that move the body at a time (1,), less those of blows."""
+    values, velocities, accelerations = state
+    data.qpos[:] = values
+    data.qvel[:] = velocities
+    data.qacc[:] = accelerations
+    mujoco.mj_inverse(compiled, data)
+    needed = np.array(data.qfrc_inverse)
+    for blow in part.blows:
+        push = float(force_of(blow, time)[0])
+        if push:
+            needed -= push * jacobian(compiled, data, compiled.body(blow.body).id, blow.point)[0][1]
+    return needed
+
+
+def _recruited(
+    compiled: Any, data: Any, torques: Array, effort: Array, tone: Array, before: Array
+) -> Array:
+    """Choose activations (muscles,) that give the torques at the least effort of this person."""
+    mujoco.mj_fwdPosition(compiled, data)
+    mujoco.mj_fwdVelocity(compiled, data)
+    arms = -moments(compiled, data)[:, 6:]
+    active, passive, _ = muscle_strength(compiled, data)
+    pull = (arms.T * active) / EXACT / 100.0
+    miss = (torques - arms.T @ passive) / EXACT / 100.0
+    cost = effort * (0.05 + np.abs(before - tone))
+    H = pull.T @ pull + np.diag(cost)
+    c = -pull.T @ miss - cost * tone
+    program = Program(H=H, c=c, low=np.zeros(len(c)), high=np.ones(len(c)))
+    return np.clip(least(program, ACCURACY), 0.0, 1.0)
 
 
 def _shared(
@@ -429,5 +460,6 @@ def _shared(
     low = np.full(3 * count, -np.inf)
     high = np.full(3 * count, np.inf)
     low[1::3] = 0.0
-    pushed = least(H, c, low, high, pyramids(count, FRICTION), ACCURACY).reshape(count, 3)
+    program = Program(H=H, c=c, low=low, high=high, G=pyramids(count, FRICTION))
+    pushed = least(program, ACCURACY).reshape(count, 3)
     return np.where(on[:, None] > 0.0, pushed, 0.0)

@@ -32,6 +32,7 @@ from myomorph.core.rigid.kinematics import forward_kinematics, marker_positions
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.core.tension.quantities import ACTIVATION
+from myomorph.core.tension.tension import Tension
 from myomorph.lab.store.results import value_source
 from myomorph.lab.store.settings import Differentiation
 from myomorph.lab.study.inputs.input import ByType, OptionSet
@@ -140,14 +141,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
         forces=wrenches.forces
         + options.force_noise * random.standard_normal(wrenches.forces.shape),
     )
-    times = "once" if options.squats == 1 else f"{options.squats} times"
-    used = [i for i, name in enumerate(model.coordinate_names) if not model.coordinates[i].locked]
-    names = tuple(model.coordinate_names[i] for i in used)
-    known = {
-        COORDINATE_VALUE.name: Series(truth.time, names, tree.coordinates_of(truth)[:, used]),
-        GENERALIZED_FORCE.name: Series(truth.time, names, torques.values[:, used]),
-        ACTIVATION.name: Series(truth.time, tension.muscles, tension.activation),
-    }
+    known = _known(model, tree.coordinates_of(truth), torques, tension)
     return TrialInputs(
         name="squat",
         subject="simulated body",
@@ -160,28 +154,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
             KnownTruth(FrozenMap(known)),
         ),
         options=OptionSet(Differentiation(options.cutoff)),
-        notes=TrialNotes(
-            assumed=(
-                "Fingers and wrists do not move; each foot carries half of the force.",
-                (
-                    "The true activations are the least-effort ones of the noise-free motion, the"
-                    " criterion that the estimate uses too: their difference shows what noise and"
-                    " filters do, not whether the criterion is right."
-                ),
-            ),
-            simulated=(
-                (
-                    f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)}"
-                    f" muscles) squats {times} in {options.duration:g} s with raised arms; nobody"
-                    " was measured."
-                ),
-                (
-                    f"Standard deviations of the noise: markers {1000 * options.marker_noise:g} mm"
-                    f" white and {1000 * options.tissue:g} mm slow shift on the skin, forces"
-                    f" {options.force_noise:g} N white; seed {options.seed}."
-                ),
-            ),
-        ),
+        notes=_notes(model, options),
         sources=(
             value_source(
                 "model",
@@ -191,6 +164,46 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
             ),
             value_source("markers", "simulated markers", markers.values),
             value_source("loads", "simulated forces", noisy.forces, noisy.points, noisy.torques),
+        ),
+    )
+
+
+def _known(
+    model: Model, coordinates: Array, torques: Series, tension: Tension
+) -> dict[str, Series]:
+    """Collect the truth by quantity, without coordinates that are locked."""
+    used = [i for i, name in enumerate(model.coordinate_names) if not model.coordinates[i].locked]
+    names = tuple(model.coordinate_names[i] for i in used)
+    return {
+        COORDINATE_VALUE.name: Series(torques.time, names, coordinates[:, used]),
+        GENERALIZED_FORCE.name: Series(torques.time, names, torques.values[:, used]),
+        ACTIVATION.name: Series(torques.time, tension.muscles, tension.activation),
+    }
+
+
+def _notes(model: Model, options: SimulationOptions) -> TrialNotes:
+    """Write what is assumed and what is simulated."""
+    times = "once" if options.squats == 1 else f"{options.squats} times"
+    return TrialNotes(
+        assumed=(
+            "Fingers and wrists do not move; each foot carries half of the force.",
+            (
+                "The true activations are the least-effort ones of the noise-free motion, the"
+                " criterion that the estimate uses too: their difference shows what noise and"
+                " filters do, not whether the criterion is right."
+            ),
+        ),
+        simulated=(
+            (
+                f"Everything: a {model.mass:.1f} kg body (MyoFullBody, {len(model.muscles)}"
+                f" muscles) squats {times} in {options.duration:g} s with raised arms; nobody"
+                " was measured."
+            ),
+            (
+                f"Standard deviations of the noise: markers {1000 * options.marker_noise:g} mm"
+                f" white and {1000 * options.tissue:g} mm slow shift on the skin, forces"
+                f" {options.force_noise:g} N white; seed {options.seed}."
+            ),
         ),
     )
 
