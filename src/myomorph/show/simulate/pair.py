@@ -27,7 +27,7 @@ from myomorph.core.model.series import Emg, Markers, Motion, Series, Wrenches
 from myomorph.core.motion.filters import lowpass
 from myomorph.core.rigid.kinematics import marker_positions
 from myomorph.show.simulate import fighter
-from myomorph.show.simulate.bout import Habits, FEET, GRIPS, Run, simulate_bout
+from myomorph.show.simulate.bout import FEET, GRIPS, Habits, Run, simulate_bout
 from myomorph.show.simulate.plan import Kind, Plan, make_plan, start_pose
 
 SETTLING = 0.3  # Time at the start that is not recorded, while the fighters settle [s].

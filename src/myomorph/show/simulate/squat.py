@@ -32,7 +32,6 @@ from myomorph.core.rigid.kinematics import forward_kinematics, marker_positions
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.rigid.tree import Tree, compile_tree
 from myomorph.core.tension.quantities import ACTIVATION
-from myomorph.core.tension.tension import Tension
 from myomorph.lab.store.results import value_source
 from myomorph.lab.store.settings import Differentiation
 from myomorph.lab.study.inputs.input import ByType, OptionSet
@@ -141,7 +140,8 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
         forces=wrenches.forces
         + options.force_noise * random.standard_normal(wrenches.forces.shape),
     )
-    known = _known(model, tree.coordinates_of(truth), torques, tension)
+    activations = Series(truth.time, tension.muscles, tension.activation)
+    known = _known(model, tree.coordinates_of(truth), torques, activations)
     return TrialInputs(
         name="squat",
         subject="simulated body",
@@ -169,7 +169,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
 
 
 def _known(
-    model: Model, coordinates: Array, torques: Series, tension: Tension
+    model: Model, coordinates: Array, torques: Series, activations: Series
 ) -> dict[str, Series]:
     """Collect the truth by quantity, without coordinates that are locked."""
     used = [i for i, name in enumerate(model.coordinate_names) if not model.coordinates[i].locked]
@@ -177,7 +177,7 @@ def _known(
     return {
         COORDINATE_VALUE.name: Series(torques.time, names, coordinates[:, used]),
         GENERALIZED_FORCE.name: Series(torques.time, names, torques.values[:, used]),
-        ACTIVATION.name: Series(torques.time, tension.muscles, tension.activation),
+        ACTIVATION.name: activations,
     }
 
 
