@@ -20,7 +20,7 @@ from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.study.inputs.reading import open_model
 from myomorph.lab.viewer.web_page import BodyView, half_blocks, open_server
-from myomorph.live.identification import LiveOptions, identify_frames, run_live, source_of
+from myomorph.live.identification import LiveOptions, identify_frames, source_of
 from myomorph.live.identification_page import Clock, live_markdown, live_panel, move_next
 from myomorph.live.online_identification import (
     OnlineIdentification,
@@ -300,11 +300,8 @@ def test_without_any_force_nothing_is_pretended(walk: tuple[Model, LiveRecording
         torques=wrenches.torques,
     )
     with pytest.raises(BadData, match=f"none of the .* {NO_FORCE}"):
-        run_live(
-            model,
-            LiveRecording(recording.motion, lost),
-            live=LiveOptions(speed=0.0),
-            terminal=False,
+        identify_frames(
+            model, source_of(LiveRecording(recording.motion, lost), LiveOptions(speed=0.0))
         )
 
 

@@ -34,7 +34,7 @@ from myomorph.core.tension.recruitment import RecruitmentOptions
 from myomorph.core.tension.tension import TensionOptions
 from myomorph.core.tension.terms.actuators import floating_joints
 from myomorph.lab.uncertainty.sources import Sources
-from myomorph.live.limits import FrameLimits, Instant, LimitOptions, LiveLimits
+from myomorph.live.limits import DrawnChain, FrameLimits, Instant, LimitOptions, LiveLimits
 from myomorph.live.loop import GAP, HELD, NO_FORCE, SETTLING, SOLVED, UNSOLVED
 from myomorph.live.sources import Source
 
@@ -268,11 +268,13 @@ class LiveChain:
         if limits is not None and limits.draws:
             self.limits = LiveLimits(
                 model,
-                names=self._names,
-                bodies=self.bodies,
-                filter=self.filter,
-                rate=source.rate,
-                up=self.feet.up,
+                DrawnChain(
+                    names=self._names,
+                    bodies=self.bodies,
+                    filter=self.filter,
+                    rate=source.rate,
+                    up=self.feet.up,
+                ),
                 options=limits,
                 sources=sources,
                 tension=tension,

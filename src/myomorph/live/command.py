@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -18,37 +20,23 @@ from myomorph.live.chain import ChainOptions
 from myomorph.live.limits import LimitOptions
 from myomorph.live.loop import LiveSession
 
-LiveSettings = flags.options_class(
+if TYPE_CHECKING:
+    from myomorph.live.run import LiveFiles, LiveSensors, LiveSettings, LiveStreams
+
+LiveChoices = flags.options_class(
     ChainOptions, TensionOptions, LimitOptions, leave_out=("draw_seed", "widened")
 )
 LiveInputs = flags.inputs_class("labels", "imu")
 
 
 @flags.documented
-def live_command(
-    *,
-    model: Annotated[
-        Path | None, Parameter(name="--model", help="OpenSim (.osim) or MuJoCo (.xml) model.")
-    ] = None,
-    markers: Path | None = None,
-    loads: Path | None = None,
-    inputs: LiveInputs | None = None,  # type: ignore[valid-type]
-    speed: float = 1.0,
-    lsl_markers: str = "",
-    lsl_imu: str = "",
-    lsl_forces: str = "",
-    up: Literal["y", "z"] = "y",
-    web: int | None = None,
-    lsl_out: str = "",
-    out: Path | None = None,
-    recover: Path | None = None,
-    uncertainty: flags.UncertaintyFile = None,
-    options: LiveSettings | None = None,  # type: ignore[valid-type]
-) -> int:
-    """Joint angles, torques and muscle activations while frames arrive.
+@dataclass(frozen=True, kw_only=True)
+class FrameOptions:
+    """A model, and the frames that it follows.
 
-    Parameters
+    Attributes
     ----------
+    model : OpenSim (.osim) or MuJoCo (.xml) model
     markers : recording to play: markers (.trc, .c3d), or coordinates (.mot, .sto)
     loads : its external forces: an OpenSim external loads file (.xml), or a table of plates (.mot),
         each given to the foot that is nearest. A C3D file's own plates by default
@@ -57,52 +45,108 @@ def live_command(
     lsl_imu : stream of orientations of inertial sensors; --imu plays a recording of them
     lsl_forces : stream of forces of the Lab Streaming Layer
     up : vertical axis of the streams' laboratory; the model's is y
+    """
+
+    model: Path | None = None
+    markers: Path | None = None
+    loads: Path | None = None
+    speed: float = 1.0
+    lsl_markers: str = ""
+    lsl_imu: str = ""
+    lsl_forces: str = ""
+    up: Literal["y", "z"] = "y"
+
+
+@flags.documented
+@dataclass(frozen=True, kw_only=True)
+class OutputOptions:
+    """Where results go.
+
+    Attributes
+    ----------
     web : port of a web page on this machine that shows the body
     lsl_out : send coordinates, torques and activations as a stream of this name
     out : folder for tables of all frames, and of how late each of them was
     recover : folder of a session that was killed: write its results from the log that is left
     """
-    from myomorph.lab.store.settings import with_settings
-    from myomorph.lab.study.trial.uncertainty_file import read_sizes
-    from myomorph.lab.uncertainty.sources import Sources
-    from myomorph.live.run import (
-        LiveFiles,
-        LiveOutputs,
-        LiveSensors,
-        LiveStreams,
-        recover_session,
-        run_live_chain,
-    )
 
-    if recover is not None:
-        _say(recover_session(recover), recover)
+    web: int | None = None
+    lsl_out: str = ""
+    out: Path | None = None
+    recover: Path | None = None
+
+
+PLAYED = FrameOptions()
+NO_OUTPUTS = OutputOptions()
+
+
+@flags.documented
+def live_command(
+    *,
+    frames: Annotated[FrameOptions, Parameter(name="*")] = PLAYED,
+    inputs: LiveInputs | None = None,  # type: ignore[valid-type]
+    outputs: Annotated[OutputOptions, Parameter(name="*")] = NO_OUTPUTS,
+    uncertainty: flags.UncertaintyFile = None,
+    options: LiveChoices | None = None,  # type: ignore[valid-type]
+) -> int:
+    """Compute joint angles, torques and muscle activations while frames arrive."""
+    from myomorph.live.run import LiveOutputs, recover_session, run_live_chain
+
+    if outputs.recover is not None:
+        _say(recover_session(outputs.recover), outputs.recover)
         return 0
-    if model is None:
+    if frames.model is None:
         raise BadData("live needs a model (--model FILE), or a session to recover")
     given = flags.inputs_of_flags(inputs, near=True)
-    sensors = given.or_default(ImuFiles)
-    labels = given.or_default(Labels).labels
-    if sum(map(bool, (markers, lsl_markers, sensors.imu, lsl_imu))) != 1:
+    session = run_live_chain(
+        frames.model,
+        _frames_of(frames, given.or_default(ImuFiles), given.or_default(Labels).labels),
+        LiveOutputs(outputs.web, outputs.lsl_out, outputs.out),
+        _settings_of(flags.settings_dict(options), uncertainty),
+        _status,
+    )
+    _say(session, outputs.out)
+    return 0
+
+
+def _frames_of(
+    frames: FrameOptions, sensors: ImuFiles, labels: Mapping[str, str]
+) -> LiveFiles | LiveStreams | LiveSensors:
+    """Choose the one source of frames; raises `BadData` where options do not fit together."""
+    from myomorph.live.run import LiveFiles, LiveSensors, LiveStreams
+
+    sources = (frames.markers, frames.lsl_markers, sensors.imu, frames.lsl_imu)
+    if sum(map(bool, sources)) != 1:
         raise BadData(
             "live needs either a recording (--markers FILE, --imu FILE ...) or a stream"
             " (--lsl-markers NAME, --lsl-imu NAME)"
         )
-    if (lsl_markers or lsl_imu) and loads is not None:
+    if (frames.lsl_markers or frames.lsl_imu) and frames.loads is not None:
         raise BadData("--loads belongs to a recording: with --lsl-markers give --lsl-forces NAME")
-    if not lsl_markers and lsl_forces:
+    if not frames.lsl_markers and frames.lsl_forces:
         raise BadData("--lsl-forces belongs to --lsl-markers: with --markers give --loads FILE")
-    if markers is None and labels:
+    if frames.markers is None and labels:
         raise BadData(
             "--labels belongs to a recording (--markers): a stream names its channels itself"
         )
-    frames: LiveFiles | LiveStreams | LiveSensors = LiveSensors(
-        settings=sensors, stream=lsl_imu, loads=loads, speed=speed
+    if frames.markers is not None:
+        return LiveFiles(
+            markers=frames.markers, loads=frames.loads, speed=frames.speed, labels=labels
+        )
+    if frames.lsl_markers:
+        return LiveStreams(frames.lsl_markers, frames.lsl_forces, frames.up)
+    return LiveSensors(
+        settings=sensors, stream=frames.lsl_imu, loads=frames.loads, speed=frames.speed
     )
-    if markers is not None:
-        frames = LiveFiles(markers=markers, loads=loads, speed=speed, labels=labels)
-    elif lsl_markers:
-        frames = LiveStreams(lsl_markers, lsl_forces, up)
-    settings = flags.settings_dict(options)
+
+
+def _settings_of(settings: Mapping[str, Any], uncertainty: Path | None) -> LiveSettings:
+    """Collect the options of what is computed; errors are drawn only where draws are wanted."""
+    from myomorph.lab.store.settings import with_settings
+    from myomorph.lab.study.trial.uncertainty_file import read_sizes
+    from myomorph.lab.uncertainty.sources import Sources
+    from myomorph.live.run import LiveSettings
+
     sizes = {} if uncertainty is None else read_sizes(uncertainty)
     drawn = sizes | ({"draws": settings["draws"]} if settings.get("draws") else {})
     if sizes and not drawn.get("draws"):
@@ -110,18 +154,12 @@ def live_command(
             f"--uncertainty {uncertainty} without --draws: say how many draws there are to be"
             " (--draws 40)"
         )
-    session = run_live_chain(
-        model,
-        frames,
-        LiveOutputs(web, lsl_out, out),
-        with_settings(ChainOptions(), settings),
-        with_settings(TensionOptions(), settings),
-        _status,
-        with_settings(LimitOptions(), drawn),
-        with_settings(Sources(), sizes),
+    return LiveSettings(
+        chain=with_settings(ChainOptions(), settings),
+        tension=with_settings(TensionOptions(), settings),
+        limits=with_settings(LimitOptions(), drawn),
+        sources=with_settings(Sources(), sizes),
     )
-    _say(session, out)
-    return 0
 
 
 def _say(session: LiveSession, out: Path | None) -> None:

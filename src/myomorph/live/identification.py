@@ -8,11 +8,9 @@ from __future__ import annotations
 import sys
 import time as clock
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -20,6 +18,7 @@ from threadpoolctl import threadpool_limits
 from myomorph.body.identify.base_parameters import held_in
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.extension import MotionRequest
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import Segment, segments_of
@@ -301,22 +300,11 @@ class Looks:
             display.show(state, at)
 
 
-def run_live(
-    model: Model,
-    recording: LiveRecording | None = None,
-    *,
-    mass: float | None = None,
-    live: LiveOptions | None = None,
-    online: OnlineOptions | None = None,
-    surfaces: Mapping[str, Surface] | None = None,
-    terminal: bool = True,
-) -> LiveResult:
-    """Identify while frames arrive, and show it, where there is a terminal.
-
-    The frames are those of streams where no recording is named.
-    """
-    live = live or LiveOptions()
-    source = source_of(recording, live)
+@contextmanager
+def open_displays(
+    model: Model, live: LiveOptions, surfaces: Mapping[str, Surface] | None = None
+) -> Iterator[list[Display]]:
+    """Yield the displays of a session: a web page if requested, a terminal if there is one."""
     displays: list[Display] = []
     try:
         segments = segments_of(model)
@@ -328,9 +316,9 @@ def run_live(
             displays.append(
                 WebDisplay(model=model, segments=segments, surfaces=surfaces, port=live.web)
             )
-        if terminal and sys.stderr.isatty():
+        if sys.stderr.isatty():
             displays.append(TerminalDisplay(model, segments, surfaces))
-        return identify_frames(model, source, mass=mass, online=online, displays=displays)
+        yield displays
     finally:
         for display in displays:
             display.close()
@@ -350,29 +338,31 @@ def source_of(recording: LiveRecording | None, live: LiveOptions) -> Source:
     return Replay(recording.motion, recording.wrenches, live.speed)
 
 
-def live_motions(
-    model: Model,
-    motions: Sequence[Path],
-    loads: Sequence[Path],
-    mass: float | None,
-    time: tuple[float, float] | None,
-    settings: Mapping[str, Any],
-) -> list[SubjectMotion]:
+def live_motions(model: Model, request: MotionRequest) -> list[SubjectMotion]:
     """Collect motions as they arrive, shown while they do.
 
     They come from recordings one after the other or from streams.
     """
-    live = with_settings(LiveOptions(), settings)
-    online = with_settings(OnlineOptions(), settings)
-    run = partial(run_live, model, mass=mass, live=live, online=online, surfaces=_surfaces(model))
-    files = MotionFiles(motions=motions, loads=loads)
-    opened = [] if live.lsl_markers or live.lsl_forces else open_motions(model, files, time)
+    live = with_settings(LiveOptions(), request.settings)
+    online = with_settings(OnlineOptions(), request.settings)
+    surfaces = _surfaces(model)
+
+    def run(recording: LiveRecording | None = None) -> LiveResult:
+        source = source_of(recording, live)
+        with open_displays(model, live, surfaces) as displays:
+            return identify_frames(
+                model, source, mass=request.mass, online=online, displays=displays
+            )
+
+    streams = live.lsl_markers or live.lsl_forces
+    files = MotionFiles(motions=request.motions, loads=request.loads)
+    opened = [] if streams else open_motions(model, files, request.time)
     if not opened:
         # Streams; where none are named either, this says so.
         result = run()
         sys.stderr.write(result.summary() + "\n")
         return [SubjectMotion("live", result.motion, result.wrenches)]
-    for motion_path, loads_path in zip(motions, loads, strict=True):
-        result = run(open_recording(model, motion_path, loads_path, time))
+    for motion_path, loads_path in zip(request.motions, request.loads, strict=True):
+        result = run(open_recording(model, motion_path, loads_path, request.time))
         sys.stderr.write(f"{motion_path.name}: {result.summary()}\n")
     return opened

@@ -101,12 +101,28 @@ class Instant:
     result: Array  # (columns,) all `TABLES` beside each other
 
 
+@dataclass(frozen=True, kw_only=True)
+class DrawnChain:
+    """What of a chain its limits depend on besides the model.
+
+    Attributes
+    ----------
+    names : of the markers that arrive; None where coordinates do
+    bodies : that external forces act on
+    filter : of poses and forces
+    rate : of the frames [Hz]
+    up : (3,) unit vector against gravity
+    """
+
+    names: Sequence[str] | None
+    bodies: Sequence[str]
+    filter: CausalFilter
+    rate: float
+    up: Array
+
+
 class LiveLimits:
     """Draws of the chain beside the frames.
-
-    Parameters
-    ----------
-    up : (3,) unit vector against gravity
 
     Attributes
     ----------
@@ -118,11 +134,7 @@ class LiveLimits:
     def __init__(
         self,
         model: Model,
-        names: Sequence[str] | None,
-        bodies: Sequence[str],
-        filter: CausalFilter,
-        rate: float,
-        up: Array,
+        chain: DrawnChain,
         options: LimitOptions,
         sources: Sources | None = None,
         tension: TensionOptions | None = None,
@@ -137,21 +149,26 @@ class LiveLimits:
         normals = Normals(options.draws, options.draw_seed)
         draws = [Draw(number, sources or Sources(), normals) for number in range(options.draws)]
         criterion = (tension or TensionOptions(), recruitment or RecruitmentOptions())
-        self._drawn = [_Drawn(model, draw, bodies, *criterion) for draw in draws]
-        self._inputs = OnlineInputs(draws=draws, bodies=bodies, delay=filter.delay, up=up)
+        self._drawn = [_Drawn(model, draw, chain.bodies, *criterion) for draw in draws]
+        self._inputs = OnlineInputs(
+            draws=draws, bodies=chain.bodies, delay=chain.filter.delay, up=chain.up
+        )
         self._errors: MarkerErrors | AngleErrors
-        if names is not None or model.markers:
-            trees = [draw.tree for draw in self._drawn]
-            thinned = min(rate, POSES) / rate
+        if chain.names is not None or model.markers:
             self._errors = MarkerErrors(
-                model=model, drawn=trees, draws=draws, names=names, rate=POSES, thinned=thinned
+                model=model,
+                drawn=[draw.tree for draw in self._drawn],
+                draws=draws,
+                names=chain.names,
+                rate=POSES,
+                thinned=min(chain.rate, POSES) / chain.rate,
             )
         else:
             self._errors = AngleErrors(model, draws, POSES)
         self._n = len(model.coordinates)
         self._muscles = len(model.muscles)
         self._ends = np.cumsum([0, self._n, self._n, self._muscles, self._muscles])
-        self._stream = CausalStream(filter, options.draws * self._n)
+        self._stream = CausalStream(chain.filter, options.draws * self._n)
         self._job: Iterator[None] | None = None
         self._posed = self._round = -np.inf
         self._found: tuple[float, Array] | None = None

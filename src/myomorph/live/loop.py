@@ -11,10 +11,10 @@ import threading
 import time as clock
 from array import array
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -264,7 +264,6 @@ def follow(
     outputs: Sequence[Output[F]] = (),
     late: Sequence[Output[F]] = (),
     delays: Delays | None = None,
-    now: Callable[[], float] = clock.perf_counter,
 ) -> LiveSession:
     """Take frames from a source until it is done, or Ctrl-C is pressed.
 
@@ -275,28 +274,19 @@ def follow(
     outputs : what a result must have reached before it counts as given out
     late : what it reaches after that
     delays : to be filled, where another looks at them
-    now : the clock [s]
     """
     delays = Delays() if delays is None else delays
     # One frame's matrices are small: waking further threads for them costs more than they save.
     with threadpool_limits(limits=1, user_api="blas"):
         steps.warm_up()
         with uncollected_past(), asked_to_end() as ended:
-            began = now()
+            began = clock.perf_counter()
             try:
-                _follow(
-                    steps=steps,
-                    source=source,
-                    outputs=outputs,
-                    late=late,
-                    delays=delays,
-                    now=now,
-                    ended=ended,
-                )
+                _Following(steps, source, outputs, late, delays).run(ended)
             except KeyboardInterrupt:
                 # Asked for again, or raised where signals are none of ours.
                 ended.set()
-            seconds = now() - began
+            seconds = clock.perf_counter() - began
             # Streams end when the user says so.
             interrupted = ended.is_set()
     if interrupted and not len(delays):
@@ -359,55 +349,82 @@ def _stamped(
             yield _Waiting(time, stamp, row, source.age(time) - stamp.late)
 
 
-def _follow(
-    steps: Steps[F],
-    source: Source,
-    outputs: Sequence[Output[F]],
-    late: Sequence[Output[F]],
-    delays: Delays,
-    now: Callable[[], float],
-    ended: threading.Event,
-) -> None:
-    waiting: deque[_Waiting] = deque()
-    stamps = SessionClock()
-    clocked = source.speed != 0.0 or source.duration is None
-    step = 1.5 / source.force_rate if source.force_rate else 0.0
-    pushing = 0.0
-    while (waiting or not source.done) and not ended.is_set():
-        if not waiting and not steps.idle():
-            source.wait(WAIT)
-        # A recording as fast as it goes gives more whenever it is asked.
-        if clocked or not waiting:
-            arrived = source.take()
-            start = now()
-            force_time, kept = stamps.of_forces(arrived.force_time)
-            steps.push_forces(force_time, arrived.forces[kept])
-            pushing += now() - start
-            waiting.extend(_stamped(arrived, stamps, source, delays))
-        while clocked and len(waiting) > 1 and waiting[0].age(source) > steps.max_age:
+class _Following(Generic[F]):
+    """The loop of a session."""
+
+    def __init__(
+        self,
+        steps: Steps[F],
+        source: Source,
+        outputs: Sequence[Output[F]],
+        late: Sequence[Output[F]],
+        delays: Delays,
+    ):
+        self._steps = steps
+        self._source = source
+        self._outputs = outputs
+        self._late = late
+        self._delays = delays
+        self._waiting: deque[_Waiting] = deque()
+        self._stamps = SessionClock()
+        self._clocked = source.speed != 0.0 or source.duration is None
+        self._force_step = 1.5 / source.force_rate if source.force_rate else 0.0
+        self._pushing = 0.0
+
+    def run(self, ended: threading.Event) -> None:
+        """Compute frames until the source is done and none waits, or the session is ended."""
+        while (self._waiting or not self._source.done) and not ended.is_set():
+            if not self._waiting and not self._steps.idle():
+                self._source.wait(WAIT)
+            # A recording as fast as it goes gives more whenever it is asked.
+            if self._clocked or not self._waiting:
+                self._receive()
+            self._drop_old()
+            if not self._waiting:
+                continue
+            if self._awaits_force(self._waiting[0]):
+                clock.sleep(PAUSE)
+                continue
+            self._compute(self._waiting.popleft())
+            # As fast as it goes, no frame is ever awaited: what is left is done now.
+            while not self._clocked and self._steps.idle():
+                pass
+
+    def _receive(self) -> None:
+        arrived = self._source.take()
+        start = clock.perf_counter()
+        force_time, kept = self._stamps.of_forces(arrived.force_time)
+        self._steps.push_forces(force_time, arrived.forces[kept])
+        self._pushing += clock.perf_counter() - start
+        self._waiting.extend(_stamped(arrived, self._stamps, self._source, self._delays))
+
+    def _drop_old(self) -> None:
+        """Drop frames that are too old while newer ones wait."""
+        waiting = self._waiting
+        max_age = self._steps.max_age
+        while self._clocked and len(waiting) > 1 and waiting[0].age(self._source) > max_age:
             dropped = waiting.popleft()
             waiting[0] = waiting[0].after(dropped)
-            delays.dropped += 1
-        if not waiting:
-            continue
-        oldest = waiting[0]
-        time = oldest.stamp.time
-        behind = time - steps.newest_force
-        if clocked and step and step < behind < GAP and oldest.age(source) < FORCE_WAIT:
-            clock.sleep(PAUSE)
-            continue
-        waiting.popleft()
-        start = now()
+            self._delays.dropped += 1
+
+    def _awaits_force(self, oldest: _Waiting) -> bool:
+        """Check whether the forces of a frame's time may still come."""
+        if not (self._clocked and self._force_step):
+            return False
+        behind = oldest.stamp.time - self._steps.newest_force
+        return self._force_step < behind < GAP and oldest.age(self._source) < FORCE_WAIT
+
+    def _compute(self, oldest: _Waiting) -> None:
+        start = clock.perf_counter()
         if oldest.stamp.restarts:
-            steps.restart()
-        frame = steps.frame(time, oldest.row)
-        for output in outputs:
+            self._steps.restart()
+        time = oldest.stamp.time
+        frame = self._steps.frame(time, oldest.row)
+        for output in self._outputs:
             output.put(frame, oldest.row)
-        age = oldest.age(source) if clocked else float("nan")
-        delays.add(time, oldest.taken, age, pushing + now() - start, frame.state)
-        pushing = 0.0
-        for output in late:
+        age = oldest.age(self._source) if self._clocked else float("nan")
+        busy = self._pushing + clock.perf_counter() - start
+        self._delays.add(time, oldest.taken, age, busy, frame.state)
+        self._pushing = 0.0
+        for output in self._late:
             output.put(frame, oldest.row)
-        # As fast as it goes, no frame is ever awaited: what is left is done now.
-        while not clocked and steps.idle():
-            pass

@@ -90,15 +90,30 @@ class LiveOutputs:
     folder: Path | None = None  # of tables
 
 
+@dataclass(frozen=True, kw_only=True)
+class LiveSettings:
+    """Options of all that is computed of a frame.
+
+    Attributes
+    ----------
+    chain : of poses, filter and recruitment
+    tension : of muscle tensions
+    limits : how interval bounds of results are drawn; None for no bounds
+    sources : sizes of the errors that they are drawn with
+    """
+
+    chain: ChainOptions = field(default_factory=ChainOptions)
+    tension: TensionOptions = field(default_factory=TensionOptions)
+    limits: LimitOptions | None = None
+    sources: Sources | None = None
+
+
 def run_live_chain(
     model: Path,
     live_files: LiveFiles | LiveStreams | LiveSensors,
     outputs: LiveOutputs | None = None,
-    options: ChainOptions | None = None,
-    tension: TensionOptions | None = None,
+    settings: LiveSettings | None = None,
     said: Callable[[str], None] = lambda line: None,
-    limits: LimitOptions | None = None,
-    sources: Sources | None = None,
 ) -> LiveSession:
     """Follow a recording or streams until they end.
 
@@ -107,13 +122,11 @@ def run_live_chain(
     model : OpenSim (.osim) or MuJoCo (.xml) file
     live_files : what the frames come from
     outputs : page, stream and folder
-    options : of the chain
-    tension : options of muscle tensions
+    settings : options of all that is computed
     said : called with a line for every place where results can be seen
-    limits : how interval bounds of results are drawn; None for no bounds
-    sources : sizes of the errors that they are drawn with
     """
     outputs = outputs or LiveOutputs()
+    settings = settings or LiveSettings()
     opened = reading.open_model(model)
     reading.has_mass(opened, "live")
     mounting = (
@@ -125,10 +138,10 @@ def run_live_chain(
     chain = LiveChain(
         model=opened,
         source=source,
-        options=options,
-        tension=tension,
-        limits=limits,
-        sources=sources,
+        options=settings.chain,
+        tension=settings.tension,
+        limits=settings.limits,
+        sources=settings.sources,
         mounting=mounting,
     )
     delays = Delays()
@@ -154,8 +167,11 @@ def run_live_chain(
         log = None
         # After whatever may refuse what was asked for, so that no folder is left behind.
         if outputs.folder is not None:
-            settings = plain_settings(chain.options) | plain_settings(tension or TensionOptions())
-            made = provenance_of(STEP, (file_source("model", model), *read), settings)
+            made = provenance_of(
+                STEP,
+                (file_source("model", model), *read),
+                plain_settings(chain.options) | plain_settings(settings.tension),
+            )
             outputs.folder.mkdir(parents=True, exist_ok=True)
             log = SessionLog(outputs.folder / LOG, head_of(chain, model, made), delays)
             stack.enter_context(log)

@@ -264,28 +264,32 @@ class SequentialFit:
         rest = np.array(tree.defaults, dtype=np.float64)
         for name, value in self.base.held.items():
             rest[names.index(name)] = value
-        phase = 2.0 * np.pi * np.arange(_PHASES) / _PHASES
-        rate = 2.0 * np.pi
         rows = np.empty((len(moving), 6 * _PHASES, len(self.base)))
         for i, j in enumerate(moving):
-            coordinate = self.model.coordinates[j]
-            low, high = coordinate.range
-            swing = min(_SWING[coordinate.motion == "translational"], 0.5 * (high - low))
-            middle = min(max(rest[j], low + swing), high - swing) if low < high else rest[j]
-            values = np.tile(rest, (_PHASES, 1))
-            velocities = np.zeros_like(values)
-            accelerations = np.zeros_like(values)
-            values[:, j] = middle + swing * np.sin(phase)
-            velocities[:, j] = swing * rate * np.cos(phase)
-            accelerations[:, j] = -swing * rate**2 * np.sin(phase)
-            motion = Motion(
-                time=phase,
-                names=names,
-                values=values,
-                velocities=velocities,
-                accelerations=accelerations,
-            )
+            motion = self._swing(rest, j)
             Y = base_regressor(self.model, motion)[:, :, self.base.columns] / self.sigma[:, None]
             rows[i] = Y.reshape(6 * _PHASES, -1)
         coordinates = tuple(names[j] for j in moving)
         return _Swings(coordinates, tuple(bodies.get(name, "") for name in coordinates), rows)
+
+    def _swing(self, rest: Array, j: int) -> Motion:
+        """Swing coordinate j slowly about the pose `rest` (coordinates,), within its range."""
+        phase = 2.0 * np.pi * np.arange(_PHASES) / _PHASES
+        rate = 2.0 * np.pi
+        coordinate = self.model.coordinates[j]
+        low, high = coordinate.range
+        swing = min(_SWING[coordinate.motion == "translational"], 0.5 * (high - low))
+        middle = min(max(rest[j], low + swing), high - swing) if low < high else rest[j]
+        values = np.tile(rest, (_PHASES, 1))
+        velocities = np.zeros_like(values)
+        accelerations = np.zeros_like(values)
+        values[:, j] = middle + swing * np.sin(phase)
+        velocities[:, j] = swing * rate * np.cos(phase)
+        accelerations[:, j] = -swing * rate**2 * np.sin(phase)
+        return Motion(
+            time=phase,
+            names=self.model.coordinate_names,
+            values=values,
+            velocities=velocities,
+            accelerations=accelerations,
+        )

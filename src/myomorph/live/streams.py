@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import re
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from myomorph.core.model.arrays import Array, frozen_array
+from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadData, MyomorphError, UnknownName
 from myomorph.live.chain import ChainFrame, LiveChain
 from myomorph.live.online_identification import total_wrench
@@ -65,7 +65,7 @@ def marker_channels(
             channels.setdefault(match[1], {})[match[2].lower()] = i
     if not channels:
         expected = ", ".join(f"NAME_{axis}" for axis in axes)
-        has = ", ".join(labels[:6]) or "without labels"
+        has = _first_labels(labels)
         raise BadData(f"the {kind}' stream has channels {has}: expected {expected} for each")
     for name, axis_channels in channels.items():
         if set(axis_channels) != set(axes):
@@ -74,14 +74,22 @@ def marker_channels(
                 f"'{name}' of the {kind}' stream has only {has}: expected {', '.join(axes)}"
             )
     columns = np.array([[of_axis[axis] for axis in axes] for of_axis in channels.values()])
-    if kind == "sensors":
-        return tuple(channels), columns, 1.0
-    used = {units[i].strip().lower() for i in columns.ravel()}
+    scale = 1.0 if kind == "sensors" else _scale([units[i] for i in columns.ravel()])
+    return tuple(channels), columns, scale
+
+
+def _first_labels(labels: Sequence[str]) -> str:
+    return ", ".join(labels[:6]) or "without labels"
+
+
+def _scale(units: Iterable[str]) -> float:
+    """Find the factor to metres of markers' channels, which have one unit."""
+    used = {unit.strip().lower() for unit in units}
     if len(used) != 1 or not used <= set(_UNITS):
         raise BadData(
             f"the markers' stream is in '{', '.join(sorted(used))}': expected one of m, mm, cm"
         )
-    return tuple(channels), columns, _UNITS[used.pop()]
+    return _UNITS[used.pop()]
 
 
 def force_channels(
@@ -108,40 +116,46 @@ def force_channels(
         match = _FORCE.match(label)
         if match:
             plate_channels.setdefault(match[1], {})[match[2].lower() + match[3].lower()] = i
-    wanted = {
-        "fpt": {a + b for a in "fpt" for b in "xyz"},
-        "fm": {a + b for a in "fm" for b in "xyz"},
-    }
-    plates: list[tuple[str, np.ndarray, float]] = []
-    for name, channels in plate_channels.items():
-        kind = next((kind for kind, needed in wanted.items() if needed <= set(channels)), "")
-        if not kind:
-            has = ", ".join(sorted(channels))
-            expected = "Fx..Fz, Px..Pz, Tx..Tz, or Fx..Fz, Mx..Mz"
-            raise BadData(f"plate '{name}' of the forces' stream has {has}: expected {expected}")
-        unit = units[channels["px"]].strip().lower() if kind == "fpt" else ""
-        if unit not in _UNITS:
-            raise BadData(f"the points of plate '{name}' are in '{unit}': expected m, mm or cm")
-        plates.append(
-            (kind, np.array([[channels[a + b] for b in "xyz"] for a in kind]), _UNITS[unit])
-        )
+    plates = [_layout(name, channels, units) for name, channels in plate_channels.items()]
     if not plates:
-        has = ", ".join(labels[:6]) or "without labels"
+        has = _first_labels(labels)
         raise BadData(f"the forces' stream has channels {has}: expected NAME_Fx ... NAME_Tz")
 
     def each(samples: Array) -> Array:
-        result = np.empty((len(samples), len(plates), 6))
-        for plate, (kind, columns, scale) in enumerate(plates):
-            parts = samples[:, columns]
-            if kind == "fm":
-                result[:, plate] = np.concatenate([parts[:, 1], parts[:, 0]], axis=1)
-            else:
-                result[:, plate] = total_wrench(
-                    parts[:, None, 0], scale * parts[:, None, 1], parts[:, None, 2]
-                )
-        return result
+        return np.stack([plate.wrenches(samples) for plate in plates], axis=1)
 
     return tuple(plate_channels), each
+
+
+@read_only
+class _Layout:
+    """Channels of one plate."""
+
+    kind: str  # "fpt": force, point, torque about it; "fm": force and moment about the origin
+    columns: np.ndarray  # (kinds, 3) of force, and of point and torque or of moment
+    scale: float  # factor of the point to metres
+
+    def wrenches(self, samples: Array) -> Array:
+        """Moments about the ground's origin and forces (samples, 6) of (samples, channels)."""
+        parts = samples[:, self.columns]
+        if self.kind == "fm":
+            return np.concatenate([parts[:, 1], parts[:, 0]], axis=1)
+        return total_wrench(parts[:, None, 0], self.scale * parts[:, None, 1], parts[:, None, 2])
+
+
+def _layout(name: str, channels: Mapping[str, int], units: Sequence[str]) -> _Layout:
+    """Find which channels of a plate are which, and in which unit its points are."""
+    wanted = {kind: {a + b for a in kind for b in "xyz"} for kind in ("fpt", "fm")}
+    kind = next((kind for kind, needed in wanted.items() if needed <= set(channels)), "")
+    if not kind:
+        has = ", ".join(sorted(channels))
+        expected = "Fx..Fz, Px..Pz, Tx..Tz, or Fx..Fz, Mx..Mz"
+        raise BadData(f"plate '{name}' of the forces' stream has {has}: expected {expected}")
+    unit = units[channels["px"]].strip().lower() if kind == "fpt" else ""
+    if unit not in _UNITS:
+        raise BadData(f"the points of plate '{name}' are in '{unit}': expected m, mm or cm")
+    columns = np.array([[channels[a + b] for b in "xyz"] for a in kind])
+    return _Layout(kind=kind, columns=columns, scale=_UNITS[unit])
 
 
 WAIT = 10.0  # How long a stream is waited for [s].

@@ -178,6 +178,25 @@ class FolderReader:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MotionRequest:
+    """What `identify` needs from a source of motions.
+
+    Attributes
+    ----------
+    motions, loads : files, one each per recording
+    mass : of the subject [kg]; the model's where None
+    time : first and last time of what is used [s]; None for all
+    settings : options by name
+    """
+
+    motions: tuple[Path, ...]
+    loads: tuple[Path, ...]
+    mass: float | None
+    time: tuple[float, float] | None
+    settings: Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
 class MotionSource:
     """A way by which motions come to `identify`, besides files.
 
@@ -185,8 +204,7 @@ class MotionSource:
     ----------
     help : of the switch that asks for it
     options : place of its option dataclass
-    open : place of the function from model, motion files, load files, mass, time span and settings
-        to the motions
+    open : place of the function from model and `MotionRequest` to the motions
     """
 
     help: str
