@@ -87,11 +87,8 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
 
     Returns
     -------
-    the period [s], whether there is one, and with what confidence
-
-    Raises
-    ------
-    Nothing: too few values, or a signal that does not repeat, give `periodic` False
+    the period [s], whether there is one, and with what confidence; `periodic` is False with too few
+        values and where the signal does not repeat
 
     Examples
     --------
@@ -111,8 +108,27 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
     likeness, pairs = _autocorrelation(signal, seen)
     longest = int(count / options.cycles)
     lobe = int(np.argmax(likeness[:longest] <= 0.0))
-    if lobe == 0:
+    lag = _repetition(likeness, lobe, longest, options.first) if lobe else None
+    if lag is None:
         return NONE
+    confidence = _confidence(likeness, lag, lobe, longest, float(pairs[lag]))
+    period = step * _refined(likeness, lag, longest)
+    duration = step * (count - 1)
+    high = float(likeness[lag])
+    return Periodicity(
+        period=period,
+        cycles=duration / period,
+        likeness=high,
+        confidence=confidence,
+        periodic=confidence >= options.confidence and high >= options.likeness,
+    )
+
+
+def _repetition(likeness: Array, lobe: int, longest: int, share: float) -> int | None:
+    """Find the lag of the first maximum beyond the lobe that is high beside the highest.
+
+    It is at least `share` of that. None where no maximum is above 0.
+    """
     searched = likeness[lobe : longest + 1]
     inner = (
         np.flatnonzero((searched[1:-1] >= searched[:-2]) & (searched[1:-1] > searched[2:]))
@@ -120,21 +136,18 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
         + lobe
     )
     if not len(inner) or likeness[inner].max() <= 0.0:
-        return NONE
-    first = int(inner[np.argmax(likeness[inner] >= options.first * likeness[inner].max())])
+        return None
+    first = int(inner[np.argmax(likeness[inner] >= share * likeness[inner].max())])
     # Noise puts small maxima on the shoulder of a wide one.
-    lag = first + int(np.argmax(likeness[first : min(int(1.25 * first), longest) + 1]))
+    return first + int(np.argmax(likeness[first : min(int(1.25 * first), longest) + 1]))
+
+
+def _confidence(likeness: Array, lag: int, lobe: int, longest: int, pairs: float) -> float:
+    """Find the chance that no independent lag of a signal without a period is as high."""
     memory = 1.0 + 2.0 * float(np.sum(likeness[1:lobe] ** 2))
-    score = float(likeness[lag]) / np.sqrt(memory / pairs[lag])
+    score = float(likeness[lag]) / np.sqrt(memory / pairs)
     tries = max(1.0, (longest - lobe) / memory)
-    confidence = float(scipy.special.ndtr(score) ** tries)
-    period = step * _refined(likeness, lag, longest)
-    duration = step * (count - 1)
-    high = float(likeness[lag])
-    sure = confidence >= options.confidence and high >= options.likeness
-    return Periodicity(
-        period=period, cycles=duration / period, likeness=high, confidence=confidence, periodic=sure
-    )
+    return float(scipy.special.ndtr(score) ** tries)
 
 
 def _evenly(time: Array, values: Array) -> tuple[float, Array, Array] | None:

@@ -192,37 +192,46 @@ def _is_seen(time: Array, values: Array, at: float, within: float) -> bool:
     return 0 < after < len(seen) and seen[after] - at <= reach and at - seen[after - 1] <= reach
 
 
-def on_plates(
-    track: FootTrack,
-    limb: Limb,
-    wrenches: Wrenches,
-    up: Array,
-    threshold: float,
-    span: tuple[float, float],
-    options: StrideOptions,
-) -> FootTrack:
+@read_only
+class PlateLoads:
+    """Forces of the ground that show contacts of feet.
+
+    Attributes
+    ----------
+    wrenches : as measured [N]
+    up : (3,) unit vector against gravity
+    threshold : vertical force of a contact [N]
+    span : time of the feet's points, first and last [s]; events outside it are left out
+    """
+
+    wrenches: Wrenches
+    up: Array
+    threshold: float
+    span: tuple[float, float]
+
+
+def on_plates(track: FootTrack, limb: Limb, loads: PlateLoads, options: StrideOptions) -> FootTrack:
     """Replace the events of the foot's points by the nearest ones that plates show.
 
     Parameters
     ----------
     track : events of a foot from its points
     limb : of the foot, whose bodies the forces act on
-    wrenches : measured forces of the ground [N]
-    up : (3,) unit vector against gravity
-    threshold : vertical force of a contact [N]
-    span : time of the points, first and last [s]; events of plates outside it are left out
+    loads : of all plates
     options : shortest duration of a contact, in usual stride times
 
     Returns
     -------
     FootTrack with the events of plates where there are any
     """
+    wrenches = loads.wrenches
+    span = loads.span
     columns = [index for index, body in enumerate(wrenches.bodies) if body in limb.bodies]
     if not columns:
         return track
     usual = track.usual if np.isfinite(track.usual) else float(np.ptp(wrenches.time))
-    force = np.nan_to_num(wrenches.forces[:, columns] @ up).sum(axis=1)
-    touches = contacts(wrenches.time, force, threshold, options.shortest * usual)
+    force = np.nan_to_num(wrenches.forces[:, columns] @ loads.up).sum(axis=1)
+    touches = contacts(wrenches.time, force, loads.threshold, options.shortest * usual)
     inner = len(wrenches) - 1
     strikes = [
         at

@@ -302,16 +302,18 @@ class _Body:
             rotations = poses.rotations[:, index] @ neutral.rotations[0, index].T
             return np.where(known[:, None, None], rotations, np.nan)
 
-        up = np.asarray(model.up)
-        right_hip, left_hip = hips
-        right = neutral.origins[0, tree.body_index[right_hip.child]]
-        left = neutral.origins[0, tree.body_index[left_hip.child]]
-        forward = np.cross(up, right - left)
-        forward /= np.linalg.norm(forward)
+        right, left = neutral.origins[0, [tree.body_index[hip.child] for hip in hips]]
         place = np.where(known[:, None], poses.origins[:, tree.body_index[pelvis]], np.nan)
         feet = {side: turned(limb) for side, limb in limbs.items()}
-        axes = np.stack([forward, up, np.cross(forward, up)], axis=1)
+        axes = _axes(np.asarray(model.up), right - left)
         return cls(model, motion, FrozenMap(limbs), turned(pelvis), place, feet, axes)
+
+
+def _axes(up: Array, rightward: Array) -> Array:
+    """Make axes (3, 3), one a column: forward, up, right, of a way to the right."""
+    forward = np.cross(up, rightward)
+    forward /= np.linalg.norm(forward)
+    return np.stack([forward, up, np.cross(forward, up)], axis=1)
 
 
 def _speeds(motion: Motion, filtered: Motion | None) -> Array:
@@ -334,9 +336,7 @@ def _speeds(motion: Motion, filtered: Motion | None) -> Array:
 
 def _columns(body: _Body, strides: Strides, side: str, loads: WalkLoads) -> Array:
     """(frames, `KEYS`) of one side, but for the force."""
-    model = body.model
     motion = body.motion
-    torques = loads.torques
     out = {key: np.full(len(motion), np.nan) for key in KEYS}
     ways = _ways(body, strides, strides.of(body.limbs[side]))
     frames = np.stack(
@@ -350,6 +350,14 @@ def _columns(body: _Body, strides: Strides, side: str, loads: WalkLoads) -> Arra
     out["pelvic_obliquity"] = mirrored * np.degrees(np.arcsin(np.clip(pelvis[:, 1, 2], -1.0, 1.0)))
     out["pelvic_rotation"] = mirrored * np.degrees(np.arctan2(pelvis[:, 0, 2], pelvis[:, 2, 2]))
     out["foot_progression"] = -mirrored * np.degrees(np.arctan2(foot[:, 2, 0], foot[:, 0, 0]))
+    out |= _joint_columns(body.model, motion, side, loads)
+    return np.stack([out[key] for key in KEYS], axis=1)
+
+
+def _joint_columns(model: Model, motion: Motion, side: str, loads: WalkLoads) -> dict[str, Array]:
+    """Angles, moments and powers (frames,) of the joints of one side, by key."""
+    out = {}
+    torques = loads.torques
     velocities = _speeds(motion, loads.filtered)
     moments = {}
     rates = {}
@@ -374,7 +382,7 @@ def _columns(body: _Body, strides: Strides, side: str, loads: WalkLoads) -> Arra
         works = [moments[angle] * rates[angle] for angle in angles if angle in moments]
         if works:
             out[key] = np.sum(works, axis=0)
-    return np.stack([out[key] for key in KEYS], axis=1)
+    return out
 
 
 def _ways(body: _Body, strides: Strides, own: Sequence[Stride]) -> Array:

@@ -351,19 +351,11 @@ def _scalars(
     animals = (*first.animals, *second.animals)
     scalars = []
     for name in _common_names([tuple(animal.scalars) for animal in animals], "parameters", notes):
-        former = np.array([animal.scalar(name) for animal in first.animals])
-        other = np.array([animal.scalar(name) for animal in second.animals])
-        known = np.isfinite(former)
-        others = np.isfinite(other)
-        if paired:
-            known = others = known & others
-        former = former[known]
-        other = other[others]
+        former, other = _known_scalars(first, second, name, paired)
         samples = (former - other,) if paired else (former, other)
-        sizes = [len(part) for part in samples]
         effect = permutations.effect_size(*samples)
         p = float("nan")
-        if tested and min(sizes) >= permutations.MIN_SUBJECTS:
+        if tested and min(map(len, samples)) >= permutations.MIN_SUBJECTS:
             p = float(
                 permutations.permutation_test(
                     *samples, most=options.permutations, seed=options.seed
@@ -391,6 +383,17 @@ def _scalars(
     return tuple(
         replace(scalar, holm=float(corrected[i]), q=float(q[i])) for i, scalar in enumerate(scalars)
     )
+
+
+def _known_scalars(first: Group, second: Group, name: str, paired: bool) -> tuple[Array, Array]:
+    """Return the known values of a parameter in both groups, of pairs where both are known."""
+    former = np.array([animal.scalar(name) for animal in first.animals])
+    other = np.array([animal.scalar(name) for animal in second.animals])
+    known = np.isfinite(former)
+    others = np.isfinite(other)
+    if paired:
+        known = others = known & others
+    return former[known], other[others]
 
 
 def _described(values: Array) -> tuple[float, float, int]:

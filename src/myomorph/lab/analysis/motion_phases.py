@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -243,43 +244,68 @@ def measure(
     -------
     StageMeasures, NaN where the stage has no frames
     """
-    unknown = np.full(3, np.nan)
-    mean = unknown
-    reach = unknown
-    variance = unknown
-    if center is not None:
-        parts = [center.values[Stage("", (phase,)).inside(center.time)] for phase in stage.phases]
-        parts = [kept for part in parts if len(kept := part[np.isfinite(part).all(axis=1)])]
-        if parts:
-            share = np.array([len(part) for part in parts]) / sum(len(part) for part in parts)
-            mean = share @ [part.mean(axis=0) for part in parts]
-            reach = share @ [np.ptp(part, axis=0) for part in parts]
-            variance = share @ [part.var(axis=0) for part in parts]
-    activity = float("nan")
-    peak = float("nan")
-    strongest = -1
-    if activations is not None and activations.names:
-        rows = activations.values[stage.inside(activations.time)]
-        if rows.size and np.isfinite(rows).any():
-            means = np.array(
-                [np.nanmean(row) if np.isfinite(row).any() else np.nan for row in rows.T]
-            )
-            activity = float(np.nanmean(means))
-            peak = float(np.nanmax(rows))
-            strongest = int(np.nanargmax(means))
-    contact = np.zeros(0)
-    if touching is not None:
-        inside = stage.inside(time)
-        contact = (
-            touching[inside].mean(axis=0) if inside.any() else np.full(touching.shape[1], np.nan)
-        )
+    way = _way(stage, center)
+    activity = _activity(stage, activations)
     return StageMeasures(
         stage=stage,
-        mean=mean,
-        range=reach,
-        variance=variance,
-        activity=activity,
-        peak=peak,
-        strongest=strongest,
-        contact=contact,
+        mean=way.mean,
+        range=way.range,
+        variance=way.variance,
+        activity=activity.mean,
+        peak=activity.peak,
+        strongest=activity.strongest,
+        contact=_contact(stage, time, touching),
     )
+
+
+class _Way(NamedTuple):
+    """Of the center of gravity, (3,) each, as in `StageMeasures`."""
+
+    mean: Array
+    range: Array
+    variance: Array
+
+
+def _way(stage: Stage, center: Series | None) -> _Way:
+    unknown = np.full(3, np.nan)
+    if center is None:
+        return _Way(unknown, unknown, unknown)
+    parts = [center.values[Stage("", (phase,)).inside(center.time)] for phase in stage.phases]
+    parts = [kept for part in parts if len(kept := part[np.isfinite(part).all(axis=1)])]
+    if not parts:
+        return _Way(unknown, unknown, unknown)
+    share = np.array([len(part) for part in parts]) / sum(len(part) for part in parts)
+    return _Way(
+        mean=share @ [part.mean(axis=0) for part in parts],
+        range=share @ [np.ptp(part, axis=0) for part in parts],
+        variance=share @ [part.var(axis=0) for part in parts],
+    )
+
+
+class _Activity(NamedTuple):
+    """Of the muscles, as in `StageMeasures`."""
+
+    mean: float = float("nan")
+    peak: float = float("nan")
+    strongest: int = -1
+
+
+def _activity(stage: Stage, activations: Series | None) -> _Activity:
+    if activations is None or not activations.names:
+        return _Activity()
+    rows = activations.values[stage.inside(activations.time)]
+    if not (rows.size and np.isfinite(rows).any()):
+        return _Activity()
+    means = np.array([np.nanmean(row) if np.isfinite(row).any() else np.nan for row in rows.T])
+    return _Activity(
+        mean=float(np.nanmean(means)),
+        peak=float(np.nanmax(rows)),
+        strongest=int(np.nanargmax(means)),
+    )
+
+
+def _contact(stage: Stage, time: Array, touching: np.ndarray | None) -> Array:
+    if touching is None:
+        return np.zeros(0)
+    inside = stage.inside(time)
+    return touching[inside].mean(axis=0) if inside.any() else np.full(touching.shape[1], np.nan)

@@ -164,15 +164,12 @@ def permutation_test(
     values = np.concatenate(groups).reshape(sum(sizes), -1)
     known = np.asarray(np.isfinite(values).all(axis=0))
     values = values[:, known]
-    curves = None
-    if shape:
-        curves = np.repeat(np.arange(int(np.prod(shape[:-1]))), shape[-1])[known]
+    curves = _curves(shape)[known] if shape else None
     paired = second is None
     ways = signs(sizes[0], most, seed) if paired else labellings(sizes[0], sizes[1], most, seed)
     statistics = _paired_statistics if paired else _group_statistics
-    observed, reached, alone = _counted(ways.rows, lambda rows: statistics(values, rows, curves))
     result = np.full((3, len(known)), np.nan)
-    result[:, known] = observed, reached, alone
+    result[:, known] = _counted(ways.rows, lambda rows: statistics(values, rows, curves))
     result[0, known] = _student(values) if paired else _welch(values, sizes[0])
     statistic, p, single = result.reshape(3, *shape)
     return PermutationTest(
@@ -183,6 +180,11 @@ def permutation_test(
         exact=ways.exact,
         floor=p_floor(*sizes, most=most),
     )
+
+
+def _curves(shape: tuple[int, ...]) -> np.ndarray:
+    """Return the index of the curve of each value, of (curves, samples) or (samples,)."""
+    return np.repeat(np.arange(int(np.prod(shape[:-1]))), shape[-1])
 
 
 def _groups(first: ArrayLike, second: ArrayLike | None) -> list[Array]:

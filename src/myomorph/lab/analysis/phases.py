@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.model import STANDARD_GRAVITY
 from myomorph.core.model.series import Event, Series, Wrenches
 from myomorph.core.model.sides import split_side
 
@@ -149,33 +150,41 @@ def _gait(time: Array, vertical: Array, sides: Sequence[str], weight: float) -> 
     known = [side for side in ("Right", "Left") if side in sides]
     for side in known or [""]:
         force = vertical[:, [i for i, other in enumerate(sides) if other == side]].sum(axis=1)
-        stances = []
         touches = contacts(time, force, THRESHOLD * weight, SHORTEST_CONTACT)
-        for start, stop in touches:
-            if start > 0:
-                events.append(Event(float(time[start]), "Foot Strike" if side else "Contact", side))
-            if stop < len(time) - 1:
-                events.append(Event(float(time[stop]), "Foot Off" if side else "Release", side))
-            if start > 0 and stop < len(time) - 1:
-                stances.append(time[stop] - time[start])
-        for name, times, plates in (
-            ("stance", stances, ", from the plates"),
-            ("stride", _stride_times(time, touches), ""),
-        ):
-            if side and len(times):
-                mean = float(np.mean(times))
-                measures.append(
-                    Measure(
-                        name=f"{side} {name} time",
-                        value=mean,
-                        unit="s",
-                        source=f"mean of {len(times)}{plates}",
-                    )
-                )
+        events += _foot_events(time, touches, side)
+        if side:
+            measures += _foot_times(time, touches, side)
     kind = ""
     if events:
         kind = "gait" if known else "contact"
     return GroundPhases(kind, tuple(sorted(events, key=lambda event: event.time)), tuple(measures))
+
+
+def _foot_events(time: Array, touches: Sequence[tuple[int, int]], side: str) -> Iterator[Event]:
+    """Yield where contacts begin and end within the recording."""
+    for start, stop in touches:
+        if start > 0:
+            yield Event(float(time[start]), "Foot Strike" if side else "Contact", side)
+        if stop < len(time) - 1:
+            yield Event(float(time[stop]), "Foot Off" if side else "Release", side)
+
+
+def _foot_times(time: Array, touches: Sequence[tuple[int, int]], side: str) -> Iterator[Measure]:
+    """Yield the mean stance and stride time of one side, as far as they are seen whole."""
+    stances = [
+        time[stop] - time[start] for start, stop in touches if start > 0 and stop < len(time) - 1
+    ]
+    for name, times, plates in (
+        ("stance", stances, ", from the plates"),
+        ("stride", _stride_times(time, touches), ""),
+    ):
+        if len(times):
+            yield Measure(
+                name=f"{side} {name} time",
+                value=float(np.mean(times)),
+                unit="s",
+                source=f"mean of {len(times)}{plates}",
+            )
 
 
 def _stride_times(time: Array, touches: Sequence[tuple[int, int]]) -> list[float]:
@@ -259,11 +268,7 @@ def quiet_standing(
     part = total[start : off + 1]
     if len(part) <= width:
         return None
-    sums = np.concatenate([[0.0], np.cumsum(part)])
-    squares = np.concatenate([[0.0], np.cumsum((part - weight) ** 2)])
-    mean = (sums[width:] - sums[:-width]) / width
-    variance = (squares[width:] - squares[:-width]) / width - (mean - weight) ** 2
-    spread = np.sqrt(np.maximum(variance, 0.0))
+    mean, spread = _moving(part, width, weight)
     stands = np.abs(mean - weight) < STANDING * weight if weighed else np.ones(len(mean), np.bool_)
     still = np.flatnonzero(stands & (spread < QUIET_SPREAD * mean))
     if not len(still):
@@ -275,6 +280,15 @@ def quiet_standing(
     end = _last_stay(np.abs(part - standing) < band, max(2, width // 3), window.stop - 1)
     lead = round(ONSET_LEAD / step)
     return QuietStanding(onset=start + max(end - lead, 0), weight=standing)
+
+
+def _moving(force: Array, width: int, weight: float) -> tuple[Array, Array]:
+    """Mean and standard deviation of every window of so many samples."""
+    sums = np.concatenate([[0.0], np.cumsum(force)])
+    squares = np.concatenate([[0.0], np.cumsum((force - weight) ** 2)])
+    mean = (sums[width:] - sums[:-width]) / width
+    variance = (squares[width:] - squares[:-width]) / width - (mean - weight) ** 2
+    return mean, np.sqrt(np.maximum(variance, 0.0))
 
 
 def _last_stay(inside: np.ndarray, shortest: int, default: int) -> int:
@@ -299,35 +313,11 @@ def _jump_phases(
     time: Array, total: Array, marks: tuple[int, int, int, int], weight: float, com: Array | None
 ) -> GroundPhases:
     onset, off, land, last = marks
-    gravity = 9.80665
     push = slice(onset, off + 1)
-    accelerating = (total[push] / weight - 1.0) * gravity
-    steps = np.diff(time[push])
-    speed = np.concatenate([[0.0], np.cumsum(0.5 * (accelerating[1:] + accelerating[:-1]) * steps)])
-    events = [Event(float(time[onset]), "Onset")]
+    speed = _rising_speed(time[push], total[push] / weight)
     flight = float(time[land] - time[off])
-    height = max(speed[-1], 0.0) ** 2 / (2 * gravity)
-    measures = [
-        Measure(name=ON_THE_PLATES, value=weight, unit="N", source="quiet standing"),
-        Measure(
-            name="Flight time",
-            value=flight,
-            unit="s",
-            source=f"vertical force under {100 * THRESHOLD:.0f} % of body weight",
-        ),
-        Measure(
-            name="Jump height from flight time",
-            value=gravity * flight**2 / 8.0,
-            unit="m",
-            source="g t² / 8",
-        ),
-        Measure(
-            name="Jump height from take-off velocity",
-            value=height,
-            unit="m",
-            source="v² / 2g, impulse",
-        ),
-    ]
+    events = [Event(float(time[onset]), "Onset")]
+    measures = _jump_heights(flight, speed[-1], weight)
     slowest = int(np.argmin(speed))
     if speed[slowest] < -0.05 * max(speed.max(), 1e-9):
         turn = slowest + int(np.argmax(speed[slowest:] >= 0.0))
@@ -350,6 +340,39 @@ def _jump_phases(
     return GroundPhases(
         "jump", tuple(sorted(events, key=lambda event: event.time)), tuple(measures)
     )
+
+
+def _rising_speed(time: Array, force: Array) -> Array:
+    """Vertical speed (samples,) [m/s] of a body at rest at first, by the force over its weight."""
+    accelerating = (force - 1.0) * STANDARD_GRAVITY
+    steps = np.diff(time)
+    return np.concatenate([[0.0], np.cumsum(0.5 * (accelerating[1:] + accelerating[:-1]) * steps)])
+
+
+def _jump_heights(flight: float, speed: float, weight: float) -> list[Measure]:
+    """Weight, flight time [s], and the jump's height by it and by the speed at take-off [m/s]."""
+    height = max(speed, 0.0) ** 2 / (2 * STANDARD_GRAVITY)
+    return [
+        Measure(name=ON_THE_PLATES, value=weight, unit="N", source="quiet standing"),
+        Measure(
+            name="Flight time",
+            value=flight,
+            unit="s",
+            source=f"vertical force under {100 * THRESHOLD:.0f} % of body weight",
+        ),
+        Measure(
+            name="Jump height from flight time",
+            value=STANDARD_GRAVITY * flight**2 / 8.0,
+            unit="m",
+            source="g t² / 8",
+        ),
+        Measure(
+            name="Jump height from take-off velocity",
+            value=height,
+            unit="m",
+            source="v² / 2g, impulse",
+        ),
+    ]
 
 
 def _peak(when: str, force: float, weight: float) -> Measure:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.model import GROUND, Axis, Model
+from myomorph.core.model.paths import Muscle
 from myomorph.core.model.series import DEFAULT_POSE, Motion, Series
 from myomorph.core.model.sides import split_side
 from myomorph.core.rigid.kinematics import forward_kinematics
@@ -136,26 +137,31 @@ def root_coordinates(model: Model) -> tuple[tuple[str, ...], tuple[str, ...]]:
     there is what the recording leaves unexplained. Both are empty where no joint to the ground
     translates, as in an arm fixed at the shoulder.
     """
-    translations: list[str] = []
-    rotations: list[str] = []
-    free_bodies: set[str] = set()
+    coordinates: dict[str, list[str]] = {"translation": [], "rotation": []}
     fixed = {coordinate.name for coordinate in model.coordinates if coordinate.locked}
+    for axis in _root_axes(model):
+        target = coordinates["translation" if axis.kind == "translation" else "rotation"]
+        target += [name for name in axis.coordinates if name not in fixed and name not in target]
+    if not coordinates["translation"]:
+        return (), ()
+    return tuple(coordinates["translation"]), tuple(coordinates["rotation"])
+
+
+def _root_axes(model: Model) -> Iterator[Axis]:
+    """Yield the axes of joints from the ground that translate, and of those that go on from them.
+
+    A massless link on the way from the ground belongs to the root joint too.
+    """
+    free_bodies: set[str] = set()
     for joint in model.joints:
-        # A massless link on the way from the ground belongs to the root joint too.
         if joint.parent != GROUND and joint.parent not in free_bodies:
             continue
         axes = [axis for axis in joint.axes if axis.function.arity]
-        if any(axis.kind == "translation" for axis in axes) or (
-            axes and joint.parent in free_bodies
-        ):
-            for axis in axes:
-                target = translations if axis.kind == "translation" else rotations
-                target += [
-                    name for name in axis.coordinates if name not in fixed and name not in target
-                ]
+        translates = any(axis.kind == "translation" for axis in axes)
+        if translates or joint.parent in free_bodies:
+            yield from axes
         if joint.parent == GROUND and model.body(joint.child).mass < 1e-6 * max(model.mass, 1e-12):
             free_bodies.add(joint.child)
-    return (tuple(translations), tuple(rotations)) if translations else ((), ())
 
 
 def coordinate_pairs(model: Model, ranges: Mapping[str, float], most: int = 12) -> tuple[Pair, ...]:
@@ -289,29 +295,24 @@ def subjects(model: Model) -> tuple[Subject, ...]:
         home[joint.child] = (
             joint.child if joint.parent == GROUND else home.get(joint.parent, joint.parent)
         )
-    roots = tuple(dict.fromkeys(home[body.name] for body in model.bodies if body.name in home))
+    roots = tuple(dict.fromkeys(home[body] for body in model.body_names if body in home))
     result = []
     for root in roots:
-        bodies = tuple(body.name for body in model.bodies if home.get(body.name) == root)
-        mass = sum(model.body(name).mass for name in bodies)
-        muscles = tuple(
-            muscle.name
-            for muscle in model.muscles
-            if next((home[point.body] for point in muscle.path.points if point.body in home), "")
-            == root
-        )
-        if mass > MIN_SHARE * model.mass:
+        bodies = tuple(body for body in model.body_names if home.get(body) == root)
+        muscles = tuple(muscle.name for muscle in model.muscles if _home_of(muscle, home) == root)
+        if sum(model.body(name).mass for name in bodies) > MIN_SHARE * model.mass:
             prefix = _prefix((*bodies, *muscles)) if len(roots) > 1 else ""
-            name = (prefix.rstrip("_") or root) if len(roots) > 1 else ""
+            name = prefix.rstrip("_") or root
             result.append(Subject(name=name, prefix=prefix, bodies=bodies, muscles=muscles))
     result.sort(key=lambda subject: not subject.muscles)
     if len(result) == 1:
-        return (
-            Subject(
-                name="", prefix=result[0].prefix, bodies=result[0].bodies, muscles=result[0].muscles
-            ),
-        )
+        return (replace(result[0], name=""),)
     return tuple(result)
+
+
+def _home_of(muscle: Muscle, home: Mapping[str, str]) -> str:
+    """Return the root body of the first point of a muscle's path that has one, else ""."""
+    return next((home[point.body] for point in muscle.path.points if point.body in home), "")
 
 
 def _prefix(names: tuple[str, ...]) -> str:

@@ -28,7 +28,7 @@ from myomorph.core.model.series import Event, Series, Wrenches
 from myomorph.core.model.shown import shown
 from myomorph.core.model.sides import split_side
 from myomorph.lab.analysis import foot_events
-from myomorph.lab.analysis.foot_events import FootTrack, Limb, StrideOptions
+from myomorph.lab.analysis.foot_events import FootTrack, Limb, PlateLoads, StrideOptions
 from myomorph.lab.analysis.phases import LONGEST
 from myomorph.lab.analysis.travel import FootPaths, Travel, travel_of
 from myomorph.lab.causes import STRIDES
@@ -115,7 +115,7 @@ class Strides:
         return tuple(stride for stride in self.strides if stride.limb == limb)
 
 
-def find_strides(
+def find_strides(  # page: points and legs, and what is known of a recording, all of it optional
     points: Series,
     limbs: Sequence[Limb],
     body: Sequence[str],
@@ -199,9 +199,7 @@ def find_strides(
     for limb in limbs:
         lifting = _mean(points, limb.lifting) if limb.lifting else feet[limb.name]
         tracks[limb.name] = foot_events.foot_track(feet[limb.name], lifting, trunk, travel, options)
-    # An event names a side: on a body with two feet of one side it is that of neither.
-    sides = [split_side(limb.name)[1] for limb in limbs]
-    if len(set(sides)) == len(sides):
+    if _sides_differ(limbs):
         tracks = _on_events(tracks, limbs, running, events)
     elif events:
         notes.append(
@@ -211,17 +209,17 @@ def find_strides(
             )
         )
     if wrenches is not None and weight is not None:
-        span = float(points.time[0]), float(points.time[-1])
-        threshold = weight * options.threshold
-        for limb in limbs:
-            tracks[limb.name] = foot_events.on_plates(
-                tracks[limb.name], limb, wrenches, up, threshold, span, options
-            )
-    notes += [
-        STRIDES.message(f"{name}: the foot is not seen to go forward and back")
-        for name, track in tracks.items()
-        if not len(track.strikes)
-    ]
+        loads = PlateLoads(
+            wrenches=wrenches,
+            up=up,
+            threshold=weight * options.threshold,
+            span=(float(points.time[0]), float(points.time[-1])),
+        )
+        tracks = {
+            limb.name: foot_events.on_plates(tracks[limb.name], limb, loads, options)
+            for limb in limbs
+        }
+    notes += _without_strikes(tracks)
     stepping = {name: track for name, track in tracks.items() if len(track.strikes)}
     ground = -abs(ground_speed) if ground_speed is not None else 0.0
     if ground_speed is None and not travel.over_ground:
@@ -231,6 +229,23 @@ def find_strides(
             notes.append(STRIDES.message(f"the ground moves at {ground:.3g} m/s {advice}"))
     gait = _Gait(tracks=FrozenMap(stepping), travel=travel, up=up, ground=ground, options=options)
     return _result(gait, [limb.name for limb in limbs], notes)
+
+
+def _sides_differ(limbs: Sequence[Limb]) -> bool:
+    """Check that no two limbs are of one side.
+
+    An event names a side: on a body with two feet of one side it is that of neither.
+    """
+    sides = [split_side(limb.name)[1] for limb in limbs]
+    return len(set(sides)) == len(sides)
+
+
+def _without_strikes(tracks: Mapping[str, FootTrack]) -> list[Message]:
+    return [
+        STRIDES.message(f"{name}: the foot is not seen to go forward and back")
+        for name, track in tracks.items()
+        if not len(track.strikes)
+    ]
 
 
 def _on_events(

@@ -5,7 +5,7 @@ Foot strikes and foot offs of a run come from the vertical force that the center
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -82,28 +82,34 @@ def running_contacts(
         return {}
     force = vertical_force(model, motion)
     time = motion.time
-    up = np.flatnonzero((force[:-1] < EDGE) & (force[1:] >= EDGE))
-    down = np.flatnonzero((force[:-1] >= EDGE) & (force[1:] < EDGE))
-    tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(motion))
-    heights = np.stack(
-        [poses.origins[:, tree.body_index[name]] @ np.asarray(model.up) for name in feet], axis=1
-    )
+    heights = _heights(model, motion, feet)
     stances: dict[str, list[tuple[float, float]]] = {name: [] for name in feet}
-    for start in up:
-        ends = down[down > start]
-        if not len(ends):
-            continue
-        stop = int(ends[0])
-        before = force[: start + 1]
-        after = force[stop + 1 :]
-        flies = (_dip(before[::-1]), _dip(after))
+    for start, stop in _loaded(force):
+        flies = (_dip(force[: start + 1][::-1]), _dip(force[stop + 1 :]))
         if max(flies) > FLIGHT:
             continue
-        middle = slice(int(start), stop + 1)
-        foot = feet[int(np.argmin(heights[middle].mean(axis=0)))]
-        stances[foot].append((_edge(time, force, int(start)), _edge(time, force, stop)))
+        foot = feet[int(np.argmin(heights[start : stop + 1].mean(axis=0)))]
+        stances[foot].append((_edge(time, force, start), _edge(time, force, stop)))
     return {name: tuple(intervals) for name, intervals in stances.items() if intervals}
+
+
+def _loaded(force: Array) -> Iterator[tuple[int, int]]:
+    """Yield the frames in which the force passes half the weight, upwards and downwards again."""
+    up = np.flatnonzero((force[:-1] < EDGE) & (force[1:] >= EDGE))
+    down = np.flatnonzero((force[:-1] >= EDGE) & (force[1:] < EDGE))
+    for start in up:
+        ends = down[down > start]
+        if len(ends):
+            yield int(start), int(ends[0])
+
+
+def _heights(model: Model, motion: Motion, feet: Sequence[str]) -> Array:
+    """Heights of the feet's origins (frames, feet) [m]."""
+    tree = compile_tree(model)
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
+    return np.stack(
+        [poses.origins[:, tree.body_index[name]] @ np.asarray(model.up) for name in feet], axis=1
+    )
 
 
 def _dip(force: Array) -> float:
@@ -243,11 +249,9 @@ def walking_strides(
     if not feet_move(points):
         return None
     feet = {body for limb in limbs for body in limb.bodies}
-    plates = (
-        wrenches
-        if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies)
-        else None
-    )
+    plates = None
+    if wrenches is not None and len(wrenches) > 1 and feet & set(wrenches.bodies):
+        plates = wrenches
     try:
         strides = find_strides(
             points,
@@ -263,15 +267,20 @@ def walking_strides(
         )
     except BadData:
         return None
+    return strides if _is_gait(strides) else None
+
+
+def _is_gait(strides: Strides) -> bool:
+    """Check that strides last alike; of an only one, that it has stance, swing and length."""
     lasting: Array = np.array([stride.duration for stride in strides.strides])
     if not len(lasting):
-        return None
+        return False
     if len(lasting) == 1:
         only = strides.strides[0]
-        return strides if MIN_DUTY < only.duty < 1.0 - MIN_DUTY and only.length > 0.0 else None
+        return MIN_DUTY < only.duty < 1.0 - MIN_DUTY and only.length > 0.0
     usual = float(np.median(lasting))
     unlike = float(np.median(np.abs(lasting - usual))) / usual
-    return strides if unlike < STEADY else None
+    return unlike < STEADY
 
 
 def ground_speed(points: Series) -> float | None:
