@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import ndtr
 
-from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.normals import Course, Normals
 
 
 def test_each_of_equal_parts_holds_one_draw():
@@ -36,7 +36,7 @@ def test_a_process_has_variance_one_and_is_correlated_as_a_gaussian():
     width = 10.0
     lag = 12
     values = np.stack(
-        [Normals(300).process(k, "skin", "thigh", 200, width, 1)[:, 0] for k in range(300)]
+        [Normals(300).process(k, "skin", "thigh", Course(200, width, 1))[:, 0] for k in range(300)]
     )
     np.testing.assert_allclose(values.std(axis=0).mean(), 1.0, atol=0.03)
     assert values[:, 0].std() > 0.85

@@ -15,7 +15,7 @@ from myomorph.lab.report.charts.curves import Line, time_plot
 from myomorph.lab.report.page.page import Instant, rendered
 from myomorph.lab.report.page.parts import Figure, Grid, PageHead, Section, cited
 from myomorph.lab.report.scene.pictures import frames_to_play, pictures, player
-from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.scene.scene import Acting, make_scene
 
 STYLES = ("first", "second")
 MAX_CHARTS = 12
@@ -67,7 +67,7 @@ def _in_motion(shown: ShownRun, surfaces: Mapping[str, Surface]) -> tuple[list[I
     frames = len(shown.motion)
     few = np.unique(np.linspace(0, frames - 1, INSTANTS).round().astype(int))
     still = make_scene(
-        shown.model, shown.motion, list(few), surfaces, shown.activations, shown.wrenches
+        shown.model, shown.motion, list(few), surfaces, Acting(shown.activations, shown.wrenches)
     )
     drawn = pictures(still)
     instants = [
@@ -78,7 +78,7 @@ def _in_motion(shown: ShownRun, surfaces: Mapping[str, Surface]) -> tuple[list[I
     count = frames_to_play(frames, points, len(shown.model.bodies))
     many = np.unique(np.linspace(0, frames - 1, count).round().astype(int))
     scene = make_scene(
-        shown.model, shown.motion, list(many), surfaces, shown.activations, shown.wrenches
+        shown.model, shown.motion, list(many), surfaces, Acting(shown.activations, shown.wrenches)
     )
     return instants, player(scene)
 

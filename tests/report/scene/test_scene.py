@@ -19,7 +19,7 @@ from myomorph.lab.report.scene.pictures import (
     player,
 )
 from myomorph.lab.report.scene.raster import FAR, Canvas, View
-from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.scene.scene import Acting, make_scene
 from myomorph.lab.report.scene.shapes import coarser, normals, primitive, stick
 from walker import GRAVITY, Tension, model, motion, steps
 
@@ -190,7 +190,7 @@ def test_activations_outside_the_solution_are_unknown() -> None:
     movement = motion(body)
     tension = Tension(body, movement.time[50:100])
     series = Series(tension.time, tension.muscles, tension.activation)
-    scene = make_scene(body, movement, [0, 60, 150], activations=series)
+    scene = make_scene(body, movement, [0, 60, 150], acting=Acting(activations=series))
     active = scene.muscles[0].activation
     assert np.isnan(active[[0, 2]]).all()
     assert active[1] == pytest.approx(tension.activation[10, 0])
@@ -199,8 +199,10 @@ def test_activations_outside_the_solution_are_unknown() -> None:
 def test_pictures_share_one_scale() -> None:
     body = model()
     movement = motion(body)
-    scene = make_scene(body, movement, [20, 90], wrenches=steps(movement.time, body.mass * GRAVITY))
-    found = pictures(scene, height=120)
+    scene = make_scene(
+        body, movement, [20, 90], acting=Acting(wrenches=steps(movement.time, body.mass * GRAVITY))
+    )
+    found = pictures(scene, (120, 420))
     assert [(one.frame, one.view) for one in found] == [
         (0, "side"),
         (1, "side"),

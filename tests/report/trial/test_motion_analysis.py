@@ -259,7 +259,7 @@ def test_two_bodies_are_seen_from_the_side_whole_and_in_one_scale() -> None:
     assert proportion(scene, "side") > proportion(
         make_scene(model(), motion(model()), [0, 50]), "side"
     )
-    drawn = pictures(scene, 120, 300)
+    drawn = pictures(scene, (120, 300))
     assert len({one.height for one in drawn}) == 1
     assert all(one.width <= 301 and one.height <= 121 for one in drawn)
 

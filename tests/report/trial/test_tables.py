@@ -111,15 +111,14 @@ def test_reserves_are_shares_of_the_peak_torque() -> None:
     torques = Series(
         movement.time, body.coordinate_names, np.full((200, len(body.coordinates)), 10.0)
     )
-    rows = tables.reserve_verdicts(body, torques, RESERVED, tension.actuator_force, movement.time)
+    reserves = Series(movement.time, RESERVED, tension.actuator_force)
+    rows = tables.reserve_verdicts(body, torques, reserves)
     assert (rows[0].worst, rows[0].value, rows[0].state) == (
         "knee_angle_r",
         pytest.approx(20.0),
         "over",
     )
-    driven = tables.reserve_verdicts(
-        body, torques, RESERVED, tension.actuator_force, movement.time, ("hip_flexion_r",)
-    )
+    driven = tables.reserve_verdicts(body, torques, reserves, ("hip_flexion_r",))
     assert (driven[0].worst, driven[0].state) == ("hip_flexion_r", "ok")
     assert (driven[1].worst, driven[1].state) == ("knee_angle_r", "note")
 

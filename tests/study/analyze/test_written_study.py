@@ -124,7 +124,7 @@ def test_the_plan_is_read_as_it_was_written(tmp_path: Path) -> None:
     for name in ('a "b" #1', "c"):
         write_trc(standing(0.3), tmp_path / f"{name}.trc")
     (tmp_path / "touches.csv").write_text("site,start,stop\n")
-    inputs = ByType(  # page: a collection, whose values have no names
+    inputs = ByType().having(
         ContactsFile(str(tmp_path / "touches.csv"), "shared"),
         ContactPointsFile("auto"),
         EmgFiles(emg_side="left", emg_muscles=FrozenMap({"EMG \\ 1": ("soleus_l",), "EMG 2": ()})),

@@ -55,7 +55,7 @@ def body_figure(morph: Morph) -> str:
     drawn = [
         (whose, picture)
         for (whose, _, scene), scale in zip(both, scales, strict=True)
-        for picture in pictures(scene, *sides[:2], views=sides[2], scale=scale)
+        for picture in pictures(scene, sides[:2], views=sides[2], scale=scale)
     ]
     order = sorted(drawn, key=lambda pair: sides[2].index(pair[1].view))
     labels = [f"{whose}, {VIEWS[picture.view]}" for whose, picture in order]

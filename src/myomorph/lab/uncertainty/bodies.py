@@ -78,26 +78,37 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     if has.body_mass or has.segment_mass or has.mass_center or has.inertia:
         parts["bodies"] = _bodies(model, draw)
     if has.joint_center or has.joint_axis:
-        floating = set(floating_coordinates(model))
-        # Where a body floats in the laboratory, no joint holds it.
-        joints = (
-            joint if floating.intersection(joint.coordinates) else _joint(joint, draw)
-            for joint in model.joints
-        )
-        parts["joints"] = tuple(joints)
+        parts["joints"] = _joints(model, draw)
     if has.placement:
-        parts["markers"] = tuple(
-            replace(marker, location=marker.location + draw.of("placement", marker.name, 3))
-            for marker in model.markers
-        )
+        parts["markers"] = _markers(model, draw)
     if has.leg_alignment:
         parts |= _bowed(model, parts, draw)
     if has_drawn_paths(has) or has.strength or has.fiber_length or has.slack_length:
-        moves = drawn_patellae(model, draw)
-        parts["muscles"] = tuple(_muscle(muscle, moves, draw) for muscle in model.muscles)
+        parts["muscles"] = _muscles(model, draw)
     if has.wrap_radius:
         parts["wrap_objects"] = tuple(_surface(item, draw) for item in model.wrap_objects)
     return replace(model, **parts) if parts else model
+
+
+def _joints(model: Model, draw: Draw) -> tuple[Joint, ...]:
+    """Draw all joints but those of bodies that float in the laboratory: no joint holds these."""
+    floating = set(floating_coordinates(model))
+    return tuple(
+        joint if floating.intersection(joint.coordinates) else _joint(joint, draw)
+        for joint in model.joints
+    )
+
+
+def _markers(model: Model, draw: Draw) -> tuple[Marker, ...]:
+    return tuple(
+        replace(marker, location=marker.location + draw.of("placement", marker.name, 3))
+        for marker in model.markers
+    )
+
+
+def _muscles(model: Model, draw: Draw) -> tuple[Muscle, ...]:
+    moves = drawn_patellae(model, draw)
+    return tuple(_muscle(muscle, moves, draw) for muscle in model.muscles)
 
 
 def drawn_subject(model: Model, draw: Draw) -> Model:

@@ -20,6 +20,7 @@ from myomorph.core.motion.ik import InverseKinematicsOptions
 from myomorph.core.motion.turns import floating_coordinates
 from myomorph.core.motion.unseen import SWAY_TIME, AssumedMode
 from myomorph.lab.uncertainty.bodies import Draw
+from myomorph.lab.uncertainty.normals import Course
 
 SKIN = {"thigh": "skin_thigh", "shank": "skin_shank", "foot": "skin_foot"} | dict.fromkeys(
     ("upper_arm", "lower_arm", "hand"), "skin_arm"
@@ -93,14 +94,16 @@ def drawn_markers(
     known = [index for index, name in enumerate(markers.names) if name in sizes]
     names = [markers.names[index] for index in known]
     if noise:
-        values[:, known] += noise * draw.normals.processes(draw.number, "noise", names, frames, 0.0)
+        values[:, known] += noise * draw.normals.processes(
+            draw.number, "noise", names, Course(frames, 0.0)
+        )
     if any(sizes[name][1] for name in names):
         together, separate = np.array([sizes[name] for name in names]).T[..., None]
         hold = list(dict.fromkeys(bodies[name] for name in names))
-        shared = draw.normals.processes(draw.number, "skin", hold, frames, width)
+        shared = draw.normals.processes(draw.number, "skin", hold, Course(frames, width))
         values[:, known] += together * shared[:, [hold.index(bodies[name]) for name in names]]
         values[:, known] += separate * draw.normals.processes(
-            draw.number, "skin of marker", names, frames, width
+            draw.number, "skin of marker", names, Course(frames, width)
         )
     return replace(markers, values=values)
 
@@ -122,7 +125,7 @@ def drawn_rotations(rotations: Array, sensors: Sequence[str], time: Array, draw:
     if not draw.sources.sensor_noise:
         return rotations
     width = _width(time, draw.sources.skin_time)
-    noise = draw.normals.processes(draw.number, "sensor", sensors, len(time), width)
+    noise = draw.normals.processes(draw.number, "sensor", sensors, Course(len(time), width))
     return np.asarray(rotations @ rotation_from_vector(draw.sources.sensor_noise * noise))
 
 
@@ -139,9 +142,9 @@ def drawn_places(
     width = _width(places.time, draw.sources.skin_time)
     values = np.array(places.values)
     for name, spread in spreads.items():
-        process = draw.normals.process(draw.number, "lost sensor", name, len(values), width, 1)[
-            :, 0
-        ]
+        process = draw.normals.process(
+            draw.number, "lost sensor", name, Course(len(values), width, 1)
+        )[:, 0]
         values[:, places.names.index(name)] += spread * process
     return replace(options, coordinates=replace(places, values=values))
 
@@ -164,7 +167,7 @@ def drawn_unseen(modes: Sequence[AssumedMode], time: Array, draw: Draw) -> Array
     for mode in modes if draw.sources.unseen else ():
         lasting = draw.normals.of(draw.number, "unseen", mode.name)[0]
         changing = draw.normals.process(
-            draw.number, "unseen, changing", mode.name, len(time), width, 1
+            draw.number, "unseen, changing", mode.name, Course(len(time), width, 1)
         )[:, 0]
         size = lasting * mode.lasting + changing * mode.changing
         total += draw.sources.unseen * np.multiply.outer(size, mode.shape)
@@ -212,7 +215,8 @@ def drawn_angles(
         check_name("coordinate", name, model.coordinate_names)
         if size and name in free:
             values[:, index] += (
-                size * draw.normals.process(draw.number, "angle", name, frames, width, 1)[:, 0]
+                size
+                * draw.normals.process(draw.number, "angle", name, Course(frames, width, 1))[:, 0]
             )
     if noise is not None and draw.sources.marker_noise:
         values += _drawn_noise(motion, noise, draw)
@@ -232,7 +236,7 @@ def _drawn_noise(motion: Motion, noise: RecordingNoise, draw: Draw) -> Array:
         width = _width(motion.time, alike)
         drawn[:, column] = (
             noise.sd[column]
-            * draw.normals.process(draw.number, "noise", name, len(motion), width, 1)[:, 0]
+            * draw.normals.process(draw.number, "noise", name, Course(len(motion), width, 1))[:, 0]
         )
     return drawn
 

@@ -24,7 +24,7 @@ FAILURES = (MyomorphError, ArithmeticError, np.linalg.LinAlgError)
 MIN_DRAWS = 2
 
 
-def uncertainty_of(
+def uncertainty_of(  # page: a model and a result of it, and how it is drawn, all of it optional
     model: Model,
     compute: Callable[[Model, Draw], Mapping[str, Series]],
     *,

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 from zlib import crc32
 
 import numpy as np
@@ -17,6 +18,21 @@ from myomorph.core.model.arrays import Array
 
 # Standard deviations of the smoothing Gaussian that a process is begun before its first frame
 REACH = 4
+
+
+class Course(NamedTuple):
+    """Numbers over time, correlated by a Gaussian.
+
+    Attributes
+    ----------
+    frames : how many
+    width : of the Gaussian, in frames; 0 for white noise
+    size : numbers of each frame
+    """
+
+    frames: int
+    width: float
+    size: int = 3
 
 
 @dataclass(frozen=True)
@@ -60,9 +76,7 @@ class Normals:
         """Draw a number from 0 to 1, spread evenly over the draws."""
         return float(_evenly(self.draws, self.seed, source, name, 1)[draw, 0])
 
-    def process(
-        self, draw: int, source: str, name: str, frames: int, width: float, size: int = 3
-    ) -> Array:
+    def process(self, draw: int, source: str, name: str, course: Course) -> Array:
         """Draw numbers that are correlated over time by a Gaussian.
 
         Parameters
@@ -70,19 +84,15 @@ class Normals:
         draw : which of the draws
         source : of error
         name : of the item
-        frames : how many
-        width : of the Gaussian, in frames; 0 for white noise
-        size : numbers of each frame
+        course : frames, correlation and numbers of each frame
 
         Returns
         -------
         (frames, size) of variance 1
         """
-        return self.processes(draw, source, (name,), frames, width, size)[:, 0]
+        return self.processes(draw, source, (name,), course)[:, 0]
 
-    def processes(
-        self, draw: int, source: str, names: Sequence[str], frames: int, width: float, size: int = 3
-    ) -> Array:
+    def processes(self, draw: int, source: str, names: Sequence[str], course: Course) -> Array:
         """Draw correlated numbers of several items at once.
 
         Parameters
@@ -90,14 +100,13 @@ class Normals:
         draw : which of the draws
         source : of error
         names : of the items
-        frames : how many
-        width : of the Gaussian, in frames; 0 for white noise
-        size : numbers of each frame and item
+        course : frames, correlation and numbers of each frame and item
 
         Returns
         -------
         (frames, names, size) of variance 1
         """
+        frames, width, size = course
         before = int(np.ceil(REACH * width)) if width > 0.0 else 0
         white = np.empty((frames + 2 * before, len(names), size))
         for index, name in enumerate(names):

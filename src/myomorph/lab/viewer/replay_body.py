@@ -22,7 +22,7 @@ from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.analysis.selection import Subject, centroids, subjects
 from myomorph.lab.report.scene.image import activation_color
-from myomorph.lab.report.scene.scene import Scene, make_scene, nearest_samples
+from myomorph.lab.report.scene.scene import Acting, Scene, make_scene, nearest_samples
 from myomorph.lab.report.trial.report_input import ReportInput
 from myomorph.lab.viewer.web_page import DEEPER
 
@@ -132,7 +132,7 @@ class PlayedBody:
         bare = replace(model, muscles=())
         wrenches = results.dynamics.wrenches
         self.scene: Scene = make_scene(
-            bare, motion, self._some.tolist(), results.surfaces, wrenches=wrenches
+            bare, motion, self._some.tolist(), results.surfaces, Acting(wrenches=wrenches)
         )
         # Two people far apart, or one who leaps, do not make a body larger.
         self.size = min(self.scene.size, TALL * (self.scene.high - self.scene.low))

@@ -366,35 +366,15 @@ class Plot:
             end for curve in banded for end in (curve.high, curve.low)
         ]
         self._lines = np.stack([np.asarray(line)[::step] for line in lines])
-        # Ends of bands are not seen.
-        limits = (_line("limit", "transparent", 0.0) | {"class": "curve-limit"},) * (
-            2 * len(banded)
-        )
-        dash: dict[str, Any] = {"dash": (5, 4)}
-        drawn = [
-            _line(curve.label, curve.color, 1.5) | (dash if curve.dashed else {})
-            for curve in chart.curves
-        ]
-        # Bands stand behind all curves, filled between their ends, the upper one first.
-        ends = range(1 + len(drawn), 1 + len(drawn) + 2 * len(banded), 2)
-        fills = (curve.color + BAND_ALPHA for curve in banded)
-        bands = [
-            {"series": (end, end + 1), "fill": fill} for end, fill in zip(ends, fills, strict=True)
-        ]
-        known = self._lines[np.isfinite(self._lines)]
-        low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-        room = 0.06 * max(high - low, 1e-6)
-        self._range = (low - room, high + room)
-        series = ({"label": "t [s]"}, *drawn, *limits, _line("now", "#8a939a", 1.0))
-        title = f"{chart.title}, 90 % limits" if banded else chart.title
+        self._range = _range(self._lines)
         span = {"time": False, "range": (float(self._time[0]), float(self._time[-1]))}
         axes = {"size": 30, "gap": 2, "font": FONT}, {"size": 46, "font": FONT}
         with self._tab:
             self._handle = self._gui.add_uplot(
                 self._data(now),
-                series,
-                title=title,
-                bands=tuple(bands) or None,
+                _series(chart),
+                title=f"{chart.title}, 90 % limits" if banded else chart.title,
+                bands=_bands(chart) or None,
                 axes=axes,
                 scales={"x": span, "y": {"range": self._range}},
                 legend={"show": True, "live": True},
@@ -421,6 +401,39 @@ class Plot:
         line = np.full(len(time), np.nan)
         line[at : at + 2] = self._range
         return (time, *values, line)
+
+
+def _range(lines: Array) -> tuple[float, float]:
+    """Lowest and highest value of lines (lines, samples), with a little room."""
+    known = lines[np.isfinite(lines)]
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
+    room = 0.06 * max(high - low, 1e-6)
+    return low - room, high + room
+
+
+def _series(chart: Chart) -> tuple[dict[str, Any], ...]:
+    """Describe the lines of a plot: time, curves, ends of bands, which are not seen, and now."""
+    dash: dict[str, Any] = {"dash": (5, 4)}
+    drawn = [
+        _line(curve.label, curve.color, 1.5) | (dash if curve.dashed else {})
+        for curve in chart.curves
+    ]
+    limit = _line("limit", "transparent", 0.0) | {"class": "curve-limit"}
+    limits = (limit,) * (2 * len(chart.banded))
+    return ({"label": "t [s]"}, *drawn, *limits, _line("now", "#8a939a", 1.0))
+
+
+def _bands(chart: Chart) -> tuple[dict[str, Any], ...]:
+    """Describe the bands, which stand behind all curves, filled between their ends.
+
+    The upper end comes first.
+    """
+    start = 1 + len(chart.curves)
+    ends = range(start, start + 2 * len(chart.banded), 2)
+    fills = (chart.curves[index].color + BAND_ALPHA for index in chart.banded)
+    return tuple(
+        {"series": (end, end + 1), "fill": fill} for end, fill in zip(ends, fills, strict=True)
+    )
 
 
 def _line(label: str, stroke: str, width: float) -> dict[str, Any]:

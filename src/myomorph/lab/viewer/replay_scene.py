@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.model import GROUND
+from myomorph.core.model.model import GROUND, Model
+from myomorph.core.model.spatial import Transform
 from myomorph.core.model.surface import Surface
 from myomorph.lab.report.scene.scene import Scene, Solid
 from myomorph.lab.report.scene.shapes import coarser, cone, reduced, sphere, tube
@@ -60,48 +61,48 @@ class ShownBody:
         self._page = page
         self._root = root
         self.node = page.add_frame(root, show_axes=False)
-        scene = body.scene
         first = body.at(int(np.flatnonzero(body.known)[0]))
-        size = body.size
         self._links = Links(
-            page=page, root=root, solids=bone_solids(scene, size), colors=self._bone_colors(number)
+            page=page,
+            root=root,
+            solids=bone_solids(body.scene, body.size),
+            colors=self._bone_colors(number),
         )
         self._layers: dict[str, list[Any]] = {name: [] for name in LAYERS}
         self._layers["bones"] = list(self._links.handles.values())
-        if len(first.tubes.positions):
-            self._layers["muscles"] = [add_batch(page, f"{root}/muscles", tube(), first.tubes)]
-        for name in (layer for layer in ("measured", "estimated") if len(getattr(first, layer))):
-            self._layers[name] = add_arrows(
-                page, f"{root}/{name}_", getattr(first, name), size, COLORS[name]
-            )
-        for name in (layer for layer in ("recorded", "modelled") if len(getattr(first, layer))):
-            self._layers[name] = [
-                self._add_balls(name, len(getattr(first, name)), MARKER_RADIUS * size)
-            ]
-        if np.isfinite(body.centers).any():
-            balls = self._add_balls("center", len(first.centers), CENTER_RADIUS * size)
-            traces = [self._add_trace(index) for index in range(len(first.centers))]
-            self._layers["center"] = [balls, *(line for lines in traces for line in lines)]
-        model = body.model
-        free = {coordinate.name for coordinate in model.coordinates if not coordinate.locked}
-        joints = [
-            joint
-            for joint in model.joints
-            if joint.parent != GROUND and free & {*joint.coordinates}
-        ]
-        # Bodies beyond joints that move against another body, and the joints' frames in them; none
-        # where many do.
-        frames = [(model.body_names.index(joint.child) + 1, joint.child_frame) for joint in joints]
-        self._joints = frames if len(frames) <= MAX_JOINTS else []
+        self._layers |= self._added(first)
+        self._joints = _moving_joints(body.model)
         self._layers["axes"] = [
             page.add_frame(
-                f"{root}/axes{i}", axes_length=AXIS_LENGTH * size, axes_radius=AXIS_RADIUS * size
+                f"{root}/axes{i}",
+                axes_length=AXIS_LENGTH * body.size,
+                axes_radius=AXIS_RADIUS * body.size,
             )
             for i in range(len(self._joints))
         ]
         self._add_plates()
         self._visible = dict.fromkeys(LAYERS, True)
         self._labels: list[Any] = []
+
+    def _added(self, first: Instant) -> dict[str, list[Any]]:
+        """Add muscles, forces, markers and centers of mass, as far as the body has any."""
+        size = self.body.size
+        layers: dict[str, list[Any]] = {}
+        if len(first.tubes.positions):
+            layers["muscles"] = [
+                add_batch(self._page, f"{self._root}/muscles", tube(), first.tubes)
+            ]
+        for name in (layer for layer in ("measured", "estimated") if len(getattr(first, layer))):
+            layers[name] = add_arrows(
+                self._page, f"{self._root}/{name}_", getattr(first, name), size, COLORS[name]
+            )
+        for name in (layer for layer in ("recorded", "modelled") if len(getattr(first, layer))):
+            layers[name] = [self._add_balls(name, len(getattr(first, name)), MARKER_RADIUS * size)]
+        if np.isfinite(self.body.centers).any():
+            balls = self._add_balls("center", len(first.centers), CENTER_RADIUS * size)
+            traces = [self._add_trace(index) for index in range(len(first.centers))]
+            layers["center"] = [balls, *(line for lines in traces for line in lines)]
+        return layers
 
     @property
     def layers(self) -> tuple[str, ...]:
@@ -240,6 +241,19 @@ class ShownBody:
             thickness=width,
             thickness_units="screen",
         )
+
+
+def _moving_joints(model: Model) -> list[tuple[int, Transform]]:
+    """Find bodies beyond joints that move against another body, and the joints' frames in them.
+
+    There are none where many do.
+    """
+    free = {coordinate.name for coordinate in model.coordinates if not coordinate.locked}
+    joints = [
+        joint for joint in model.joints if joint.parent != GROUND and free & {*joint.coordinates}
+    ]
+    frames = [(model.body_names.index(joint.child) + 1, joint.child_frame) for joint in joints]
+    return frames if len(frames) <= MAX_JOINTS else []
 
 
 def bone_solids(scene: Scene, size: float) -> tuple[Solid, ...]:

@@ -178,7 +178,7 @@ def _jump_trial() -> TrialInputs:
             InverseKinematicsOptions(marker_weights=FrozenMap(weights)),
             Differentiation(jump.cutoff),
         ),
-        inputs=ByType(  # page: a collection, whose values have no names
+        inputs=ByType().having(
             Recording(Trial(jump.markers, jump.trial.plates, events=jump.events)),
             ExternalLoads.on_known_bodies(lambda motion: jump.wrenches),
             RecordedEmg(envelopes(jump.analog)),

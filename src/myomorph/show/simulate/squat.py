@@ -146,7 +146,7 @@ def simulated_trial(options: SimulationOptions | None = None) -> TrialInputs:
         name="squat",
         subject="simulated body",
         model=model,
-        inputs=ByType(  # page: a collection, whose values have no names
+        inputs=ByType().having(
             Recording(Trial(markers)),
             ExternalLoads.on_known_bodies(lambda motion: noisy),
             BodyMass(model.mass),

@@ -54,7 +54,7 @@ def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
     """
     count = len(scene.time)
     room = OVERLAP * (WIDTH - RIGHT - LEFT) / count
-    drawn = pictures(scene, PIXELS, max(40, int(room / TALL * PIXELS)), views=(view,))
+    drawn = pictures(scene, (PIXELS, max(40, int(room / TALL * PIXELS))), views=(view,))
     tall = max(picture.height for picture in drawn) * TALL / PIXELS
     wide = max(picture.width for picture in drawn) * TALL / PIXELS
     height = tall + FOOT

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -49,8 +49,7 @@ class Picture:
 
 def pictures(
     scene: Scene,
-    height: int = 460,
-    widest: int = 420,
+    size: tuple[int, int] = (460, 420),
     colors: Array | None = None,
     views: Sequence[str] = ("side", "front"),
     scale: float | None = None,
@@ -62,7 +61,7 @@ def pictures(
     Parameters
     ----------
     scene : bodies and muscles in some frames
-    height, widest : of a picture at most [px]
+    size : height and width of a picture at most [px]
     colors : (bodies, 3) from 0 to 1, the ground first; bone by default
     views : names of the directions to look from
     scale : pixels for a metre; by default what fits
@@ -74,7 +73,7 @@ def pictures(
     shading = [normals(solid.surface) for solid in scene.solids]
     corners = _corners(scene)
     framed = {name: _framing(scene, corners, _axes(scene, name)) for name in views}
-    scale = fitting_scale(scene, height, widest, views) if scale is None else scale
+    scale = fitting_scale(scene, *size, views) if scale is None else scale
 
     def drawn(name: str, frame: int) -> Picture:
         centers, wide, tall = framed[name]
@@ -160,11 +159,22 @@ def _draw(
         vertices = solid.surface.vertices @ turn.T + scene.origins[frame, solid.body]
         color = np.array(BONE) if paint is None else paint[solid.body]
         canvas.surface(vertices, normal @ turn.T, solid.surface.faces, color)
+    tubes = [*_muscle_tubes(scene, frame), *_arrow_tubes(scene, frame)]
+    if tubes:
+        canvas.tubes(*(np.concatenate(parts) for parts in zip(*tubes, strict=True)))
+
+
+class _Tubes(NamedTuple):
+    """Tubes of one muscle or arrow, as `Canvas.tubes` takes them."""
+
+    starts: Array  # (tubes, 3) [m]
+    ends: Array  # (tubes, 3) [m]
+    radii: Array  # (tubes, 2) at both ends [m]
+    colors: Array  # (tubes, 3)
+
+
+def _muscle_tubes(scene: Scene, frame: int) -> Iterator[_Tubes]:
     plain = plain_color(scene)
-    starts = []
-    ends = []
-    radii = []
-    colors = []
     active = np.array([muscle.activation[frame] for muscle in scene.muscles])
     painted = np.where(np.isnan(active)[:, None], plain, activation_color(active))
     for muscle, color in zip(scene.muscles, painted, strict=True):
@@ -172,10 +182,15 @@ def _draw(
         points = points[np.isfinite(points).all(axis=1)]
         if len(points) < 2:
             continue
-        starts.append(points[:-1])
-        ends.append(points[1:])
-        radii.append(np.full((len(points) - 1, 2), muscle.radius))
-        colors.append(np.tile(color, (len(points) - 1, 1)))
+        yield _Tubes(
+            starts=points[:-1],
+            ends=points[1:],
+            radii=np.full((len(points) - 1, 2), muscle.radius),
+            colors=np.tile(color, (len(points) - 1, 1)),
+        )
+
+
+def _arrow_tubes(scene: Scene, frame: int) -> Iterator[_Tubes]:
     # Half the body's height for one body weight shows both a quiet stance and a landing.
     meters_per_newton = 0.35 * scene.size / scene.weight
     for index in range(scene.force_starts.shape[1]):
@@ -187,16 +202,11 @@ def _draw(
         along = (tip - start) / max(float(np.linalg.norm(tip - start)), 1e-12)
         thick = 0.006 * scene.size
         neck = tip - along * min(4.5 * thick, 0.5 * float(np.linalg.norm(tip - start)))
-        starts.append(np.stack([start, neck]))
-        ends.append(np.stack([neck, tip]))
-        radii.append(np.array([[thick * 0.6, thick * 0.6], [thick * 1.9, 0.1 * thick]]))
-        colors.append(np.tile(FORCE, (2, 1)))
-    if starts:
-        canvas.tubes(
-            np.concatenate(starts),
-            np.concatenate(ends),
-            np.concatenate(radii),
-            np.concatenate(colors),
+        yield _Tubes(
+            starts=np.stack([start, neck]),
+            ends=np.stack([neck, tip]),
+            radii=np.array([[thick * 0.6, thick * 0.6], [thick * 1.9, 0.1 * thick]]),
+            colors=np.tile(FORCE, (2, 1)),
         )
 
 
@@ -226,17 +236,9 @@ def player(scene: Scene) -> str:
     high = cloud.max(axis=0)
     step = max(float((high - low).max()), 1e-9) / 60000.0
     middle = low + 30000.0 * step
-    scaled = np.round((points - middle) / step)
-    packed = np.where(np.isnan(scaled), HIDDEN, np.nan_to_num(scaled)).astype(np.int16)
     used = np.unique(bodies).astype(np.int64) if len(bodies) else np.zeros(0, np.int64)
     turns = scene.rotations[:, used].reshape(len(scene.time), -1, 9)
     poses = np.concatenate([turns, scene.origins[:, used]], axis=2).astype(np.float32)
-    activation = np.concatenate(
-        [none[..., 0], *(muscle.activation[:, None] for muscle in scene.muscles)], axis=1
-    )
-    words = np.where(
-        np.isnan(activation), 255, np.clip(np.nan_to_num(activation) * 254.0, 0, 254)
-    ).astype(np.uint8)
     forces = np.concatenate([scene.force_starts, scene.force_vectors / scene.weight], axis=2)
     value: dict[str, Any] = {
         "time": [round(float(instant), 5) for instant in scene.time],
@@ -259,8 +261,8 @@ def player(scene: Scene) -> str:
         "radii": [round(float(muscle.radius), 6) for muscle in scene.muscles],
         "middle": _short(middle),
         "step": step,
-        "points": base64_text(packed),
-        "activation": base64_text(words),
+        "points": base64_text(_packed((points - middle) / step)),
+        "activation": base64_text(_activation_bytes(scene)),
         "colors": base64_text(ACTIVATION),
         "forces": (
             np.where(np.isfinite(forces), np.round(forces, 4), 0.0)
@@ -270,6 +272,23 @@ def player(scene: Scene) -> str:
     }
     # A name must not be able to end the script element that carries this.
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _packed(points: Array) -> np.ndarray:
+    """Round points in steps to 16-bit integers; those that are not there are `HIDDEN`."""
+    scaled = np.round(points)
+    return np.where(np.isnan(scaled), HIDDEN, np.nan_to_num(scaled)).astype(np.int16)
+
+
+def _activation_bytes(scene: Scene) -> np.ndarray:
+    """Activations (frames, muscles) from 0 to 254, 255 where not known."""
+    none = np.zeros((len(scene.time), 0))
+    activation = np.concatenate(
+        [none, *(muscle.activation[:, None] for muscle in scene.muscles)], axis=1
+    )
+    return np.where(
+        np.isnan(activation), 255, np.clip(np.nan_to_num(activation) * 254.0, 0, 254)
+    ).astype(np.uint8)
 
 
 def _short(values: Array) -> list[float]:

@@ -124,7 +124,9 @@ def lit(n0, n1, n2):
 
 
 @kernel
-def fill_triangles(points, normals, faces, color, image, near):
+def fill_triangles(  # page: numbers of one pixel, which stay in registers
+    points, normals, faces, color, image, near
+):
     """Draw triangles: `points` (n, 3) pixels and nearness, `normals` (n, 3) in the view's axes."""
     height, width = near.shape
     for f in range(faces.shape[0]):
@@ -167,7 +169,9 @@ def fill_triangles(points, normals, faces, color, image, near):
 
 
 @kernel
-def fill_tubes(starts, ends, radii, colors, image, near):
+def fill_tubes(  # page: numbers of one pixel, which stay in registers
+    starts, ends, radii, colors, image, near
+):
     """Draw tubes with round ends between `starts` and `ends` (n, 3) pixels and nearness."""
     height, width = near.shape
     for s in range(starts.shape[0]):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -64,18 +65,32 @@ class Scene:
     floor: float  # height of the ground along `up` [m]
 
 
+class Acting(NamedTuple):
+    """What acts on the body and in it, at its nearest sample.
+
+    Attributes
+    ----------
+    activations : which color the muscles
+    wrenches : which become arrows
+    """
+
+    activations: Series | None = None
+    wrenches: Wrenches | None = None
+
+
+NOTHING_ACTS = Acting()
+
+
 def make_scene(
     model: Model,
     motion: Motion,
     frames: Sequence[int],
     surfaces: Mapping[str, Surface] | None = None,
-    activations: Series | None = None,
-    wrenches: Wrenches | None = None,
+    acting: Acting = NOTHING_ACTS,
 ) -> Scene:
     """Make the scene of the body at some frames of a motion.
 
-    Bodies whose meshes are absent become sticks. Activations color the muscles and wrenches become
-    arrows, at their nearest sample.
+    Bodies whose meshes are absent become sticks.
     """
     tree = compile_tree(model)
     chosen = np.asarray(frames, dtype=np.int64)
@@ -85,19 +100,11 @@ def make_scene(
     solids = _solids(model, tree.body_index, surfaces or {})
     up = model.up
     low, high, size = _extent(poses, solids, up)
-    lowest = low
     forward, right = _facing(model, poses, up) or _heading(model, poses, up)
-    starts, vectors = _forces(wrenches, time)
-    muscles = _muscles(model, coordinates, activations, time, size)
-    for muscle in muscles:
-        heights = muscle.points @ up
-        low = min(low, float(np.nanmin(heights)))
-        high = max(high, float(np.nanmax(heights)))
+    starts, vectors = _forces(acting.wrenches, time)
+    muscles = _muscles(model, coordinates, acting.activations, time, size)
+    heights = [muscle.points @ up for muscle in muscles]
     weight = model.weight
-    floor = float(np.nanmedian(starts @ up)) if np.isfinite(starts).any() else lowest
-    if not lowest - 0.2 * size < floor < lowest + 0.2 * size:
-        # Forces far from the feet (a bar, a wheel) say nothing of the ground.
-        floor = lowest
     return Scene(
         time=time,
         rotations=poses.rotations,
@@ -111,10 +118,19 @@ def make_scene(
         forward=forward,
         right=right,
         size=size,
-        low=low,
-        high=high,
-        floor=floor,
+        low=min([low, *(float(np.nanmin(each)) for each in heights)]),
+        high=max([high, *(float(np.nanmax(each)) for each in heights)]),
+        floor=_floor(starts @ up, low, size),
     )
+
+
+def _floor(heights: Array, lowest: float, size: float) -> float:
+    """Find the floor's height by those of forces, else by the lowest point of the body [m]."""
+    floor = float(np.nanmedian(heights)) if np.isfinite(heights).any() else lowest
+    if not lowest - 0.2 * size < floor < lowest + 0.2 * size:
+        # Forces far from the feet (a bar, a wheel) say nothing of the ground.
+        return lowest
+    return floor
 
 
 def _solids(

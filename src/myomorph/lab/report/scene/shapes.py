@@ -6,6 +6,7 @@ import itertools
 import re
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -375,42 +376,58 @@ def stand_ins(model: Model) -> dict[str, list[Surface]]:
     start, joints = model_bones[trunk.name]
     turn = poses[trunk.name].rotation
     up = turn.T @ model.up
-    rise = float((trunk.mass_center - start) @ up)
-    size = float(np.linalg.norm(trunk.mass_center - start))
-    if size <= 0.0:
+    if float(np.linalg.norm(trunk.mass_center - start)) <= 0.0:
         return {}
     axes = np.stack([_across(model, up, turn), up, np.zeros(3)])
     axes[2] = np.cross(axes[0], up)
     headed = any(HEAD.search(body.name) for body in model.bodies)
-    if rise > 0.3 * size:
-        along = (trunk.mass_center - start) / size
-        tall = SHOULDERS * size
-        if headed:
-            # Without the head the mass center lies lower: the joints of arms and neck show the
-            # height.
-            tall = max([1.05 * float((joint - start) @ up) for joint in joints], default=tall)
-        middle = start + 0.53 * tall * along
-        shapes = [ellipsoid(middle, axes, tall * THORAX)]
-        head = start + HEAD_CENTER * size * along
-    else:
-        # A thorax whose frame lies at its top, as at the jugular notch: its mass center is in its
-        # middle.
-        tall = 2.3 * max(-rise, 0.6 * size)
-        shapes = [ellipsoid(trunk.mass_center, axes, tall * THORAX)]
-        head = trunk.mass_center + 0.72 * tall * up
-        size = tall / SHOULDERS
+    thorax = _thorax(trunk.mass_center, start, up, joints if headed else ())
+    shapes = [ellipsoid(thorax.middle, axes, thorax.height * THORAX)]
     if not headed:
-        shapes.append(ellipsoid(head, axes, size * SKULL))
+        shapes.append(ellipsoid(thorax.head, axes, thorax.size * SKULL))
     result = {trunk.name: shapes}
     for body in model.bodies:
         start, joints = model_bones[body.name]
         reach = float(np.linalg.norm(body.mass_center - start))
         if HEAD.search(body.name) and body is not trunk and not joints and reach > 0.0:
             there = poses[body.name].rotation.T @ turn @ axes.T
-            result[body.name] = [
-                ellipsoid(body.mass_center, there.T, max(reach, 0.3 * size) * SKULL / SKULL[1])
-            ]
+            half = max(reach, 0.3 * thorax.size) * SKULL / SKULL[1]
+            result[body.name] = [ellipsoid(body.mass_center, there.T, half)]
     return result
+
+
+class _Thorax(NamedTuple):
+    """Where a trunk's thorax and head are, in its frame."""
+
+    middle: Array  # (3,) [m]
+    height: float  # [m]
+    head: Array  # (3,) [m]
+    size: float  # of the trunk, from its joint to the mass center [m]
+
+
+def _thorax(center: Array, start: Array, up: Array, joints: Sequence[Array]) -> _Thorax:
+    """Place the thorax by the trunk's mass center and joint.
+
+    Without the head the mass center lies lower: `joints` of arms and neck show the height then.
+    """
+    rise = float((center - start) @ up)
+    size = float(np.linalg.norm(center - start))
+    if rise > 0.3 * size:
+        along = (center - start) / size
+        tall = SHOULDERS * size
+        tall = max([1.05 * float((joint - start) @ up) for joint in joints], default=tall)
+        return _Thorax(
+            middle=start + 0.53 * tall * along,
+            height=tall,
+            head=start + HEAD_CENTER * size * along,
+            size=size,
+        )
+    # A thorax whose frame lies at its top, as at the jugular notch: its mass center is in its
+    # middle.
+    tall = 2.3 * max(-rise, 0.6 * size)
+    return _Thorax(
+        middle=center, height=tall, head=center + 0.72 * tall * up, size=tall / SHOULDERS
+    )
 
 
 def _across(model: Model, up: Array, turn: Array) -> Array:

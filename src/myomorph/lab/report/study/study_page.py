@@ -201,36 +201,42 @@ def _quality(study: StudyInput) -> list[Section]:
     done = [trial for trial in study.in_state("done") if trial.judged]
     if not done:
         return []
-    figures = []
-    for quantity, title in SHOWN_LIMITS:
-        with_value = [(trial, trial.judged[quantity]) for trial in done if quantity in trial.judged]
-        with_value = [(trial, judged) for trial, judged in with_value if judged.limit]
-        if len(with_value) > 1:
-            names = [f"{trial.subject}, {trial.trial}" for trial, _ in with_value]
-            values = np.array([judged.value / (judged.limit or 1.0) for _, judged in with_value])
-            chart = rank_plot(
-                title,
-                "times its limit",
-                "trials in ascending order",
-                names,
-                values,
-                [(1.0, "limit")],
-            )
-            figures.append(Figure(chart, "medium"))
+    charts = [_rank_chart(done, quantity, title) for quantity, title in SHOWN_LIMITS]
+    figures = tuple(Figure(chart, "medium") for chart in charts if chart)
     quantities = dict.fromkeys(name for trial in done for name in trial.judged)
-    rows = []
-    for name in quantities:
-        with_value = [(trial, trial.judged[name]) for trial in done if name in trial.judged]
-        over = [(trial, judged) for trial, judged in with_value if judged.state == "over"]
-        if over:
-            worst, most = max(over, key=lambda pair: pair[1].value)
-            # Of counts the unit says of how many.
-            size = f"{most.value:.0f}" if most.unit.startswith("of ") else number(most.value)
-            words = f"{size} {most.unit}: {worst.subject}, {worst.trial}"
-            rows.append((name, f"{len(over)} of {len(with_value)}", words))
-    grids = (Grid(("Quantity", "Trials over the limit", "Worst"), tuple(rows), "Over the limit"),)
+    rows = tuple(filter(None, (_over_limit(done, name) for name in quantities)))
+    grids = (Grid(("Quantity", "Trials over the limit", "Worst"), rows, "Over the limit"),)
     lead = "Marker errors, residuals and reserves beside the community’s limits; one dot a trial."
-    return [Section("quality", "Quality", lead, figures=tuple(figures), grids=grids)]
+    return [Section("quality", "Quality", lead, figures=figures, grids=grids)]
+
+
+def _rank_chart(trials: Sequence[TrialLine], quantity: str, title: str) -> str:
+    """Draw a quantity of all trials over its limit; "" where fewer than two have it."""
+    with_value = [(trial, trial.judged[quantity]) for trial in trials if quantity in trial.judged]
+    with_value = [(trial, judged) for trial, judged in with_value if judged.limit]
+    if len(with_value) < 2:
+        return ""
+    return rank_plot(
+        title,
+        "times its limit",
+        "trials in ascending order",
+        [f"{trial.subject}, {trial.trial}" for trial, _ in with_value],
+        np.array([judged.value / (judged.limit or 1.0) for _, judged in with_value]),
+        [(1.0, "limit")],
+    )
+
+
+def _over_limit(trials: Sequence[TrialLine], name: str) -> tuple[str, str, str] | None:
+    """Write in how many trials a quantity is over its limit, and the worst; None for no trial."""
+    with_value = [(trial, trial.judged[name]) for trial in trials if name in trial.judged]
+    over = [(trial, judged) for trial, judged in with_value if judged.state == "over"]
+    if not over:
+        return None
+    worst, most = max(over, key=lambda pair: pair[1].value)
+    # Of counts the unit says of how many.
+    size = f"{most.value:.0f}" if most.unit.startswith("of ") else number(most.value)
+    words = f"{size} {most.unit}: {worst.subject}, {worst.trial}"
+    return name, f"{len(over)} of {len(with_value)}", words
 
 
 def _outlier_words(outlier: Outlier) -> str:
@@ -361,38 +367,10 @@ def _comparison(comparison: Comparison, index: int, study: StudyInput) -> Sectio
     first, second = comparison.names
     colors = {condition.name: style for style, condition in group_page.styled(study.conditions)}
     styles = colors[first], colors[second]
-    pairs = len(study.comparisons)
-    lead = f"Differences are {first} minus {second}. "
-    if comparison.paired:
-        lead += (
-            f"{len(comparison.animals[0])} subjects have both and are compared within themselves;"
-            " the effect size is the mean difference over the standard deviation of differences. "
-        )
-    else:
-        counts = " and ".join(str(len(animal)) for animal in comparison.animals)
-        lead += f"No subject has both: groups of {counts} subjects; the effect size is Hedges’ g. "
-    if comparison.tested:
-        how = "all" if comparison.exact else f"{comparison.options.permutations} random"
-        turned = (
-            "sign changes of the differences" if comparison.paired else "permutations of subjects"
-        )
-        lead += f"Tested by {how} {turned}; smallest possible p {number(comparison.floor)}. "
-        lead += f"Bars below mark where curves differ (p < {number(comparison.options.alpha)}"
-        lead += f", which is 0.05 over {pairs} pairs of conditions" if pairs > 1 else ""
-        lead += (
-            "; corrected for the whole cycle and all curves of a kind by the maximum statistic)."
-        )
-    else:
-        lead += "Too few subjects for a test: described only."
-    lead = " ".join([lead, *(f"{note[:1].upper()}{note[1:]}." for note in comparison.notes)])
+    lead = _lead(comparison, len(study.comparisons))
     figures = []
     if any(np.isfinite(scalar.g) for scalar in comparison.scalars):
-        least = comparison.floor * sum(np.isfinite(scalar.p) for scalar in comparison.scalars)
-        if comparison.tested and least > comparison.options.alpha:
-            lead += (
-                " So few subjects cannot bring Holm’s p of that many parameters below"
-                f" {number(min(least, 1.0))}."
-            )
+        lead += _least_p(comparison)
         figures.append(group_page.effect_figure(comparison))
     grids = [group_page.scalar_grid(comparison)] if comparison.scalars else []
     for family in comparison.families:
@@ -407,14 +385,54 @@ def _comparison(comparison: Comparison, index: int, study: StudyInput) -> Sectio
         grids.append(
             group_page.curve_grid(curves, f"{name}: {len(different)} of {len(curves)} differ")
         )
-    legend = tuple(zip(styles, comparison.names, strict=True))
     return Section(
         key=f"pair-{index + 1}",
         title=f"{first} and {second}",
         lead=lead,
-        legend=legend,
+        legend=tuple(zip(styles, comparison.names, strict=True)),
         figures=tuple(figures),
         grids=tuple(grids),
+    )
+
+
+def _lead(comparison: Comparison, pairs: int) -> str:
+    """Write how two conditions are compared, beside so many pairs."""
+    first, second = comparison.names
+    lead = f"Differences are {first} minus {second}. "
+    if comparison.paired:
+        lead += (
+            f"{len(comparison.animals[0])} subjects have both and are compared within themselves;"
+            " the effect size is the mean difference over the standard deviation of differences. "
+        )
+    else:
+        counts = " and ".join(str(len(animal)) for animal in comparison.animals)
+        lead += f"No subject has both: groups of {counts} subjects; the effect size is Hedges’ g. "
+    lead += _test(comparison, pairs)
+    return " ".join([lead, *(f"{note[:1].upper()}{note[1:]}." for note in comparison.notes)])
+
+
+def _test(comparison: Comparison, pairs: int) -> str:
+    """Write how the differences are tested, if they are."""
+    if not comparison.tested:
+        return "Too few subjects for a test: described only."
+    how = "all" if comparison.exact else f"{comparison.options.permutations} random"
+    turned = "sign changes of the differences" if comparison.paired else "permutations of subjects"
+    text = f"Tested by {how} {turned}; smallest possible p {number(comparison.floor)}. "
+    text += f"Bars below mark where curves differ (p < {number(comparison.options.alpha)}"
+    text += f", which is 0.05 over {pairs} pairs of conditions" if pairs > 1 else ""
+    return text + (
+        "; corrected for the whole cycle and all curves of a kind by the maximum statistic)."
+    )
+
+
+def _least_p(comparison: Comparison) -> str:
+    """Warn where Holm's p of the parameters cannot become small enough; else ""."""
+    least = comparison.floor * sum(np.isfinite(scalar.p) for scalar in comparison.scalars)
+    if not (comparison.tested and least > comparison.options.alpha):
+        return ""
+    return (
+        " So few subjects cannot bring Holm’s p of that many parameters below"
+        f" {number(min(least, 1.0))}."
     )
 
 

@@ -25,7 +25,7 @@ from myomorph.lab.report.charts.tracks import (
     time_axis,
 )
 from myomorph.lab.report.page.parts import Figure, Grid, Section
-from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.scene.scene import Acting, make_scene
 from myomorph.lab.report.trial import motion_analysis
 from myomorph.lab.report.trial.contact_panel import between_tracks, contact_force_section
 from myomorph.lab.report.trial.estimated_forces import acting_forces
@@ -325,7 +325,11 @@ def _pictures(prepared: Prepared, analysis: MotionAnalysis, behind: Backdrop) ->
         raise BadData(f"no picture at {times} s: the motion lasts from {first:g} to {last:g} s")
     frames = nearest_frames(motion.time, good, inside)
     scene = make_scene(
-        results.model, motion, frames, results.surfaces, results.activations, acting_forces(results)
+        results.model,
+        motion,
+        frames,
+        results.surfaces,
+        Acting(results.activations, acting_forces(results)),
     )
     return picture_strip(scene, behind)
 

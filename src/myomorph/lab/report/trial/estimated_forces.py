@@ -9,10 +9,11 @@ import numpy as np
 
 from myomorph.core.contact.shared import group_bodies
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.contacts import ContactForces
+from myomorph.core.model.contacts import ContactForces, Site
+from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.model import GROUND, Model
-from myomorph.core.model.series import Wrenches
-from myomorph.lab.analysis.contact_states import limb_of, row_label
+from myomorph.core.model.series import Series, Wrenches
+from myomorph.lab.analysis.contact_states import Limb, limb_of, row_label
 from myomorph.lab.analysis.selection import Subject
 from myomorph.lab.report.page.parts import Quantity, Verdict
 from myomorph.lab.report.trial.figures import ORDINAL
@@ -160,24 +161,17 @@ def groups_of(
     Of two bodies it is the force on the first.
     """
     alone = {each.groups[0]: each.measured for each in comparisons if len(each.groups) == 1}
-    names = tuple(dict.fromkeys(site.group for site in forces.sites))
-    members = {
-        name: [index for index, site in enumerate(forces.sites) if site.group == name]
-        for name in names
-    }
+    members = grouped((site.group, index) for index, site in enumerate(forces.sites))
     first = {name: forces.sites[indices[0]] for name, indices in members.items()}
-    limbs = {
-        name: limb_of(name if limb_of(name, who).side else first[name].body, who) for name in names
-    }
+    limbs = {name: _limb_of(name, site, who) for name, site in first.items()}
     blocks = {
-        name: limbs[name].subject if first[name].against == GROUND else BETWEEN for name in names
+        name: limbs[name].subject if site.against == GROUND else BETWEEN
+        for name, site in first.items()
     }
     groups = []
     for name, member in members.items():
-        beside = [other for other in names if blocks[other] == blocks[name]]
-        side = limbs[name].side
-        only = bool(side) and [limbs[other].side for other in beside].count(side) == 1
-        style = side if only else ORDINAL[beside.index(name) % len(ORDINAL)]
+        beside = [other for other in members if blocks[other] == blocks[name]]
+        style = _style(beside.index(name), [limbs[other].side for other in beside])
         against = first[name].against
         label = row_label(name, who) + (
             f" on {row_label(against, who).lower()}" if against != GROUND else ""
@@ -199,6 +193,17 @@ def groups_of(
     return tuple(groups)
 
 
+def _limb_of(name: str, first: Site, who: Sequence[Subject]) -> Limb:
+    """Find the limb of a group by its name, or where that has no side, by its first body."""
+    return limb_of(name if limb_of(name, who).side else first.body, who)
+
+
+def _style(place: int, sides: Sequence[str]) -> str:
+    """Choose the style of a group's line: its side where no other of the block has it."""
+    side = sides[place]
+    return side if side and sides.count(side) == 1 else ORDINAL[place % len(ORDINAL)]
+
+
 def contact_verdicts(results: ReportInput, height: float) -> list[Verdict]:
     """Hold what still supports the root once contacts carry against the limits on residuals.
 
@@ -212,16 +217,10 @@ def contact_verdicts(results: ReportInput, height: float) -> list[Verdict]:
     peak = float(np.linalg.norm(total, axis=1).max(initial=0.0))
     residuals = results.contacts.residuals
     if residuals is not None and peak > 0.0:
+        detail = f" left with contact forces; F = {peak:.4g} N"
         for what, scale in (("force", peak), ("moment", peak * height)):
-            names = [name.removeprefix("residual_") for name in residuals.names]
-            columns = [
-                index for index, name in enumerate(names) if name.startswith(what[0].upper())
-            ]
-            values = np.linalg.norm(residuals.values[:, columns], axis=1)
-            if columns and np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any():
-                detail = f" left with contact forces; F = {peak:.4g} N"
-                verdicts = judged_residual(what, values, residuals.time, scale, contacts=True)
-                rows += [replace(row, detail=row.detail + detail) for row, _ in verdicts]
+            verdicts = _judged_contacts(what, residuals, scale)
+            rows += [replace(row, detail=row.detail + detail) for row in verdicts]
     lost = results.contacts.infeasible
     first, relaxation = (lost[0].time, lost[0].relaxation) if lost else (None, "")
     unit = f"of {len(results.contacts.forces)}"
@@ -236,3 +235,14 @@ def contact_verdicts(results: ReportInput, height: float) -> list[Verdict]:
         )
     )
     return rows
+
+
+def _judged_contacts(what: str, residuals: Series, scale: float) -> list[Verdict]:
+    """Judge the residual "force" or "moment" beside contacts; [] where it is not known."""
+    names = [name.removeprefix("residual_") for name in residuals.names]
+    columns = [index for index, name in enumerate(names) if name.startswith(what[0].upper())]
+    values = np.linalg.norm(residuals.values[:, columns], axis=1)
+    if not (columns and np.isfinite(scale) and scale > 0.0 and np.isfinite(values).any()):
+        return []
+    judged = judged_residual(what, values, residuals.time, scale, contacts=True)
+    return [row for row, _ in judged]

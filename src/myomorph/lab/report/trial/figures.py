@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -57,6 +58,12 @@ def marker_figures(
         "name_events": True,
     }
     over_time = time_plot("Marker errors over time", "cm", lines, span, events, levels, **shape)
+    limits = [Level(rms_limit, "RMS limit"), Level(limit, "limit of the maximum")]
+    return [over_time, *_marker_bars(fit, limits)]
+
+
+def _marker_bars(fit: KinematicsFit, limits: Sequence[Level]) -> list[str]:
+    """Draw the errors of each marker, the largest first, in one column or two."""
     seen = np.isfinite(fit.marker_error)
     squares = np.where(seen, fit.marker_error, 0.0) ** 2
     with np.errstate(invalid="ignore"):
@@ -67,18 +74,25 @@ def marker_figures(
     title = "Marker errors by marker"
     if len(fit.marker_names) > MAX_BARS:
         title = f"Marker errors: the {MAX_BARS} largest of {len(fit.marker_names)}"
-    limits = [Level(rms_limit, "RMS limit"), Level(limit, "limit of the maximum")]
     peak = float(np.nanmax(largest, initial=0.0))
     columns = np.array_split(order, 2) if len(order) > MAX_COLUMN_ROWS else [order]
-    styles = ["second", "first"]
-    labels = ["largest", "RMS"]
     bars = []
     for place, part in enumerate(columns):
         words = (title, "cm") if place == 0 else (f"{title}, the next", "")
         names = [fit.marker_names[i] for i in part]
-        values = [largest[part], rms[part]]
-        bars.append(bar_plot(*words, names, values, styles, labels, limits, width=505, peak=peak))
-    return [over_time, *bars]
+        bars.append(
+            bar_plot(
+                *words,
+                names,
+                [largest[part], rms[part]],
+                ["second", "first"],
+                ["largest", "RMS"],
+                limits,
+                width=505,
+                peak=peak,
+            )
+        )
+    return bars
 
 
 def axis_names(up: Array) -> tuple[list[Array], list[str]]:
@@ -274,24 +288,32 @@ def centroid_figures(com: Series, up: Array, span: Span, events: Sequence[Event]
     return result
 
 
-def residual_figures(
-    time: Array,
-    force: Array,
-    moment: Array,
-    peak: float,
-    height: float,
-    span: Span,
-    events: Sequence[Event],
-) -> list[str]:
-    """Draw residual force and moment at the root over time, against their limits.
+@read_only
+class Residuals:
+    """Residuals at the root, and what their limits depend on.
 
-    Parameters
+    Attributes
     ----------
     time : (frames,) [s]
     force : (frames,) norm of the residual force [N]
     moment : (frames,) norm of the residual moment [N m]
     peak : of the external force [N]
     height : of the center of mass [m]
+    """
+
+    time: Array
+    force: Array
+    moment: Array
+    peak: float
+    height: float
+
+
+def residual_figures(residuals: Residuals, span: Span, events: Sequence[Event]) -> list[str]:
+    """Draw residual force and moment at the root over time, against their limits.
+
+    Parameters
+    ----------
+    residuals : with what their limits depend on
     span : first and last time [s]
     events : upright lines
 
@@ -299,12 +321,19 @@ def residual_figures(
     -------
     A chart of the force and one of the moment
     """
-    force_limit = RESIDUAL_FORCE * peak
-    moment_limit = RESIDUAL_MOMENT * peak * height
+    time = residuals.time
+    force_limit = RESIDUAL_FORCE * residuals.peak
+    moment_limit = RESIDUAL_MOMENT * residuals.peak * residuals.height
     result = []
     for what, unit, values, limit, label in (
-        ("Residual force", "N", force, force_limit, "5 % of peak external force"),
-        ("Residual moment", "N·m", moment, moment_limit, "1 % of COM height × peak force"),
+        ("Residual force", "N", residuals.force, force_limit, "5 % of peak external force"),
+        (
+            "Residual moment",
+            "N·m",
+            residuals.moment,
+            moment_limit,
+            "1 % of COM height × peak force",
+        ),
     ):
         factor, unit = scaled_unit(unit, values, np.array([limit]))
         lines = [Line(time=time, values=factor * values, style="first", label=what.lower())]
@@ -315,23 +344,45 @@ def residual_figures(
     return result
 
 
+@dataclass(frozen=True, kw_only=True)
+class PairSeries:
+    """Values whose columns are drawn in pairs.
+
+    Attributes
+    ----------
+    series : the values
+    unit : in which they are drawn
+    factor : from the unit of the series to that
+    second : factor and unit of a second scale on the right
+    truth : values that are known to be true
+    spread : interval bounds
+    """
+
+    series: Series
+    unit: str
+    factor: float = 1.0
+    second: tuple[float, str] | None = None
+    truth: Series | None = None
+    spread: Spread | None = None
+
+
 def pair_panel(
     title: str,
-    unit: str,
     pair: Pair,
-    series: Series,
-    span: Span,
-    events: Sequence[Event],
-    factor: float = 1.0,
-    second: tuple[float, str] | None = None,
-    truth: Series | None = None,
+    values: PairSeries,
+    shown: tuple[Span, Sequence[Event]],
     margin: int = 8,
-    spread: Spread | None = None,
 ) -> str:
     """Draw right and left of one quantity over each other.
 
     What is known to be true is dashed; interval bounds are bands.
     """
+    series = values.series
+    truth = values.truth
+    factor = values.factor
+    unit = values.unit
+    second = values.second
+    span, events = shown
     lines = []
     if factor == 1.0:
         factor, unit = scaled_unit(
@@ -345,7 +396,7 @@ def pair_panel(
             if source is not None and name in source.names:
                 known = (f"truth {STYLE[side]}", f"{side} truth".strip())
                 style, label = (STYLE[side], side or "value") if source is series else known
-                ends = (None, None) if source is truth else limits_of(spread, [name], factor)
+                ends = (None, None) if source is truth else limits_of(values.spread, [name], factor)
                 low, high = ends
                 lines.append(
                     Line(
@@ -381,16 +432,32 @@ def limits_of(
     return factor * spread.low[:, column], factor * spread.high[:, column]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Activations:
+    """Activations of a model's muscles.
+
+    Attributes
+    ----------
+    series : (frames, muscles) from 0 to 1
+    muscles : of the model
+    strengths : maximum isometric forces [N], by muscle
+    truth : activations that are known to be true
+    spread : interval bounds
+    """
+
+    series: Series
+    muscles: Sequence[str]
+    strengths: Mapping[str, float]
+    truth: Series | None = None
+    spread: Spread | None = None
+
+
 def activation_panel(
     pair: Pair,
-    muscles: Sequence[str],
-    strengths: Mapping[str, float],
-    series: Series,
+    activations: Activations,
     span: Span,
     events: Sequence[Event],
     emg: Sequence[tuple[str, Array, Array]] = (),
-    truth: Series | None = None,
-    spread: Spread | None = None,
 ) -> str:
     """Draw the activation of one muscle on both sides, measured EMG as areas behind.
 
@@ -399,14 +466,10 @@ def activation_panel(
     Parameters
     ----------
     pair : of the muscle's members on both sides
-    muscles : of the model
-    strengths : maximum isometric forces [N], by muscle
-    series : (frames, muscles) activations from 0 to 1
+    activations : of all muscles
     span : first and last time [s]
     events : upright lines
     emg : side, time (samples,) [s] and envelope (samples,) of each channel
-    truth : activations that are known to be true
-    spread : interval bounds of the activations
 
     Returns
     -------
@@ -422,7 +485,10 @@ def activation_panel(
         )
         for side, time, values in emg
     ]
-    columns = {name: i for i, name in enumerate(muscles)}
+    series = activations.series
+    truth = activations.truth
+    columns = set(activations.muscles)
+    strengths = activations.strengths
     for side, members in pair.members.items():
         for source, style, label in ((series, "", ""), (truth, "truth ", " truth")):
             if source is None:
@@ -431,7 +497,7 @@ def activation_panel(
                 source, [name for name in members if name in columns or source is truth], strengths
             )
             if mean is not None:
-                ends = (None, None) if source is truth else limits_of(spread, members)
+                ends = (None, None) if source is truth else limits_of(activations.spread, members)
                 low, high = ends
                 lines.append(
                     Line(

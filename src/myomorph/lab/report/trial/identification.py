@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from myomorph.body.identify.base import BaseFit
 from myomorph.body.identify.subject import Identification
 from myomorph.body.identify.validation import COMPONENTS
 from myomorph.core.model.arrays import Array
@@ -147,7 +148,7 @@ def body_picture(model: Model, share: Array | None, surfaces: Mapping[str, Surfa
     scene = make_scene(replace(model, muscles=()), DEFAULT_POSE, [0], surfaces)
     shown = np.full(len(model.bodies), np.nan) if share is None else share
     colors = np.vstack([[0.72, 0.72, 0.72], level_color(shown)])
-    drawn = pictures(scene, 560, 560, colors)
+    drawn = pictures(scene, (560, 560), colors)
     palette, ends = (
         (None, ()) if share is None else (LEVEL, ("from the shape", "half", "from the data"))
     )
@@ -222,13 +223,7 @@ def segment_section(identification: Identification) -> list[Section]:
     segments = tables.named_segments(model)
     if not segments:
         return []
-    rows = []
-    for name, athletes in tables.ATHLETES.items():
-        right = [tables.segment_share(model, mass, name, "right") for mass in masses.values()]
-        left = tables.segment_share(model, masses[chosen], name, "left")
-        paired = left is not None and name not in ("Head", "Body", "Upper body", "Lower body")
-        label = name.replace(" ", "\u00a0")
-        rows.append((label, number(athletes), *map(_words, right), _words(left) if paired else ""))
+    rows = tuple(_segment_row(identification, name) for name in tables.ATHLETES)
     head = ("Segment", "Athletes [%]", *(f"{name} [%]" for name in masses), f"{chosen}, left [%]")
     members = grouped(
         (segment_words(segment).capitalize(), body) for body, segment in segments.items()
@@ -247,7 +242,7 @@ def segment_section(identification: Identification) -> list[Section]:
             " links."
         )
     grids = (
-        Grid(head, tuple(rows), "Segments"),
+        Grid(head, rows, "Segments"),
         Grid(head=("Segment", "Links"), rows=links, title="Links of each segment", folded=True),
     )
     return [
@@ -262,20 +257,23 @@ def segment_section(identification: Identification) -> list[Section]:
     ]
 
 
+def _segment_row(identification: Identification, name: str) -> tuple[str, ...]:
+    """List a segment's share of athletes, of the right side by every method, and of the left."""
+    model = identification.model
+    masses = identification.masses
+    right = [tables.segment_share(model, mass, name, "right") for mass in masses.values()]
+    left = tables.segment_share(model, masses[identification.chosen], name, "left")
+    paired = left is not None and name not in ("Head", "Body", "Upper body", "Lower body")
+    label = name.replace(" ", "\u00a0")
+    athletes = number(tables.ATHLETES[name])
+    return (label, athletes, *map(_words, right), _words(left) if paired else "")
+
+
 def base_section(identification: Identification) -> Section:
     """How well the base parameters are known, and what no motion, or not this one, shows."""
     base = identification.base
     names = base.base.names
     identifiable = base.identifiable
-    well = int(np.sum(identifiable & (base.relative_sd < WELL_KNOWN)))
-    lead = (
-        f"{int(identifiable.sum())} of {len(names)} base parameters are identifiable from this"
-        " motion"
-    )
-    lead += f", {well} of them within {100 * WELL_KNOWN:g} % (one standard deviation)"
-    lead += f"; {number(base.frames, 1.0)} frames"
-    lead += f", condition number {number(base.condition)}" if np.isfinite(base.condition) else ""
-    lead += "." if identifiable.all() else ". The others come from the shape of the body."
     limits = [(WELL_KNOWN, "10 %"), (1.0, "as large as the parameter")]
     words = ("Relative standard deviation", "of the value", "base parameters, best known first")
     plot = rank_plot(*words, names, base.relative_sd, limits, identifiable, 880)
@@ -324,11 +322,25 @@ def base_section(identification: Identification) -> Section:
     return Section(
         key="base",
         title="Base parameters",
-        lead=lead,
+        lead=_base_lead(base),
         legend=legend,
         figures=(Figure(plot, "full"),),
         grids=tuple(grids),
     )
+
+
+def _base_lead(base: BaseFit) -> str:
+    """Write how many base parameters are identifiable, and how well."""
+    identifiable = base.identifiable
+    well = int(np.sum(identifiable & (base.relative_sd < WELL_KNOWN)))
+    lead = (
+        f"{int(identifiable.sum())} of {len(base.base.names)} base parameters are identifiable from"
+        " this motion"
+    )
+    lead += f", {well} of them within {100 * WELL_KNOWN:g} % (one standard deviation)"
+    lead += f"; {number(base.frames, 1.0)} frames"
+    lead += f", condition number {number(base.condition)}" if np.isfinite(base.condition) else ""
+    return lead + ("." if identifiable.all() else ". The others come from the shape of the body.")
 
 
 def _words(value: float | None) -> str:

@@ -5,6 +5,7 @@ It includes correlations.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -92,53 +93,29 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
     """
     results = prepared.results
     contacts = _contacts(prepared)
-    who = (
-        subjects(results.model)
-        if results.model is not None and prepared.centroid is not None
-        else ()
-    )
+    who = _who(prepared)
     if not who and (contacts is None or not contacts.intervals):
         return None
-    sources = (
-        tuple({interval.source for interval in contacts.intervals}) if contacts is not None else ()
-    )
-    people = sum(1 for subject in who if subject.muscles)
+    sources = () if contacts is None else tuple({each.source for each in contacts.intervals})
     clock = _clock(prepared)
     limbs, touching = limb_states(contacts, clock, who) if contacts is not None else ((), None)
     walks = prepared.ground.kind == "gait" and _steps(limbs, touching, clock)
-    named = results.analysis.preset
-    holds = len(who) > people > 0
-    movement = results.recorded.movement.value
-    preset = preset_of(named) if named else fitting_preset(walks, sources, people, holds, movement)
+    preset = _preset(prepared, who, walks, sources)
     persons = _persons(prepared, who, results.analysis.muscles or preset.muscles)
-    # The clearest of the longest periods of the first person's center of gravity.
-    periodic = [period for period in persons[0].periods if period.periodic] if persons else []
-    longest = max((period.period for period in periodic), default=0.0)
-    alike = [period for period in periodic if period.period > NEARLY * longest]
-    clearest = max(alike, key=lambda period: period.likeness).period if alike else float("nan")
-    nothing = "no plate loaded" if sources == ("plates",) else "no contact"
-    labels = tuple(limb.label for limb in limbs)
     cuttable = Cuttable(
         span=prepared.span,
         time=clock,
         events=prepared.events,
-        contact_names=labels,
+        contact_names=tuple(limb.label for limb in limbs),
         touching=touching,
-        nothing=nothing,
-        period=clearest,
+        nothing="no plate loaded" if sources == ("plates",) else "no contact",
+        period=_clearest_period(persons),
     )
     cutting = cut(cuttable, preset.cuts, results.analysis.phases)
     center, muscles = (persons[0].center, persons[0].activations) if persons else (None, None)
-    measures = tuple(measure(stage, center, muscles, clock, touching) for stage in cutting.stages)
-    rows = _rows(muscles, clock, limbs, touching)
-    related = (
-        correlate(rows, leveled(center))
-        if center is not None and rows is not None and len(rows) > 1
-        else None
-    )
     return MotionAnalysis(
         preset=preset,
-        chosen=bool(named),
+        chosen=bool(results.analysis.preset),
         span=prepared.span,
         axes=tuple(axis_names(prepared.up)[1]),
         persons=persons,
@@ -147,9 +124,44 @@ def analyse(prepared: Prepared) -> MotionAnalysis | None:
         time=clock,
         touching=touching,
         cutting=cutting,
-        measures=measures,
-        correlations=related,
+        measures=tuple(
+            measure(stage, center, muscles, clock, touching) for stage in cutting.stages
+        ),
+        correlations=_correlations(center, _rows(muscles, clock, limbs, touching)),
     )
+
+
+def _who(prepared: Prepared) -> tuple[Subject, ...]:
+    """Subjects and objects whose center of gravity is known."""
+    model = prepared.results.model
+    return () if model is None or prepared.centroid is None else subjects(model)
+
+
+def _preset(
+    prepared: Prepared, who: Sequence[Subject], walks: bool, sources: tuple[str, ...]
+) -> Preset:
+    """Return the preset that the study names, else the one that fits the recording."""
+    results = prepared.results
+    if results.analysis.preset:
+        return preset_of(results.analysis.preset)
+    people = sum(1 for subject in who if subject.muscles)
+    holds = len(who) > people > 0
+    return fitting_preset(walks, sources, people, holds, results.recorded.movement.value)
+
+
+def _correlations(center: Series | None, rows: Series | None) -> Correlations | None:
+    """Correlate activations and contacts with the center of gravity, as far as both are known."""
+    if center is None or rows is None or len(rows) < 2:
+        return None
+    return correlate(rows, leveled(center))
+
+
+def _clearest_period(persons: Sequence[Person]) -> float:
+    """Find the clearest of the longest periods of the first center of gravity [s], or NaN."""
+    periodic = [period for period in persons[0].periods if period.periodic] if persons else []
+    longest = max((period.period for period in periodic), default=0.0)
+    alike = [period for period in periodic if period.period > NEARLY * longest]
+    return max(alike, key=lambda period: period.likeness).period if alike else float("nan")
 
 
 def _contacts(prepared: Prepared) -> Contacts | None:
@@ -203,11 +215,7 @@ def _persons(
     for subject, center in zip(who, centers, strict=True):
         series = Series(center.time, tuple(axis_names(prepared.up)[1]), center.values @ vectors.T)
         lowest = lowest_joint(results.model, fewer, subject, prepared.up)
-        height = (
-            float(np.nanmean(series.values[:, 0]))
-            if np.isfinite(series.values[:, 0]).any()
-            else float("nan")
-        )
+        height = _mean(series.values[:, 0])
         known = [name for name in names if name in set(subject.muscles)]
         muscles, lacking = named_muscles(known, wanted if subject.muscles else (), subject.prefix)
         periods = tuple(
@@ -215,7 +223,6 @@ def _persons(
             for column in series.values.T
         )
         standing = standing_height(results.model, subject, prepared.up), height - lowest
-        active = _activations(prepared, muscles)
         persons.append(
             Person(
                 who=subject,
@@ -225,10 +232,15 @@ def _persons(
                 periods=periods,
                 muscles=muscles,
                 lacking=lacking,
-                activations=active,
+                activations=_activations(prepared, muscles),
             )
         )
     return tuple(persons)
+
+
+def _mean(values: Array) -> float:
+    """Mean of the known values, NaN where none is."""
+    return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
 
 
 def _still(center: Series) -> float:

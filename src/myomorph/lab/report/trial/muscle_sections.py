@@ -88,9 +88,7 @@ def activation_section(prepared: Prepared) -> Section | None:
     spread = results.uncertainty.spreads.get(ACTIVATION.name)
     for pair in chosen:
         measured = emg_of(prepared, pair)
-        drawn = activation_panel(
-            pair, tension.muscles, strengths, series, *shown, measured, truth, spread
-        )
+        drawn = activation_panel(pair, activations, *shown, measured)
         figures.append(Figure(drawn, "quarter"))
     several = any(len(members) > 1 for pair in chosen for members in pair.members.values())
     lead = f"{len(chosen)} of {len(tension.muscles)} muscles"
@@ -238,12 +236,9 @@ def length_section(prepared: Prepared) -> Section | None:
         Figure(
             pair_panel(
                 pair.label,
-                "mm",
                 _first_parts(pair),
-                lengths,
-                prepared.detail,
-                prepared.events,
-                1000.0,
+                PairSeries(series=lengths, unit="mm", factor=1000.0),
+                (prepared.detail, prepared.events),
             )
         )
         for pair in major_muscles(lengths.names, None)

@@ -15,7 +15,16 @@ from myomorph.body.personalize.personalize import Personalized
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import few
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.marks import dot, drawing, frame, grid_along, mark, rect, text
+from myomorph.lab.report.charts.marks import (
+    Frame,
+    dot,
+    drawing,
+    frame,
+    grid_along,
+    mark,
+    rect,
+    text,
+)
 from myomorph.lab.report.page.page import rendered
 from myomorph.lab.report.page.parts import Figure, Grid, PageHead, Section
 from myomorph.lab.report.trial.summary_lines import FIBER_RANGE, reserve_unit
@@ -74,22 +83,19 @@ def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
     for index, name in enumerate(names):
         y = 24.0 + ROW * (index + 0.5)
         marks.append(text(LEFT - 4.0, y + 3.0, name, "tick y"))
-        for ends, style, aside in ((before[index], "second", -2.0), (after[index], "first", 2.0)):
-            a_end, b_end = ends
-            a = float(area.x.at(a_end))
-            b = float(area.x.at(b_end))
-            under = f"{name}: {number(ends[0])} to {number(ends[1])}"
-            marks.append(
-                mark(
-                    "path",
-                    f"line {style}",
-                    under,
-                    d=f"M{a:.1f} {y + aside:.1f}H{max(b, a + 1.0):.1f}",
-                )
-            )
-            marks.append(dot(b, y + aside, style, 1.6, under))
+        marks += _range_marks(area, name, before[index], y - 2.0, "second")
+        marks += _range_marks(area, name, after[index], y + 2.0, "first")
     size = (LEFT + WIDTH + 20.0, height + 50.0)
     return drawing("ranges", "Normalized fiber length", size, *marks, unit="optimal fiber lengths")
+
+
+def _range_marks(area: Frame, name: str, ends: Array, y: float, style: str) -> list[str]:
+    """Draw a line along a muscle's row from the shortest to the longest, a dot at its end."""
+    a = float(area.x.at(ends[0]))
+    b = float(area.x.at(ends[1]))
+    under = f"{name}: {number(ends[0])} to {number(ends[1])}"
+    line = mark("path", f"line {style}", under, d=f"M{a:.1f} {y:.1f}H{max(b, a + 1.0):.1f}")
+    return [line, dot(b, y, style, 1.6, under)]
 
 
 def _grids(estimates: Sequence[MuscleEstimate]) -> list[Grid]:

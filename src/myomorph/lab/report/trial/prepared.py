@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 
@@ -10,6 +11,7 @@ import numpy as np
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Event, Motion, Series
+from myomorph.core.tension.tension import Tension
 from myomorph.lab.analysis.center_of_mass import centroid
 from myomorph.lab.analysis.gait_curves import SIDES, GaitCurves, WalkLoads, gait_curves
 from myomorph.lab.analysis.length_analysis import LengthAnalysis, length_analysis
@@ -210,51 +212,56 @@ class Prepared:
 
 def prepare(results: ReportInput) -> Prepared:
     """Span, events, center of mass and verdicts of what was given."""
-    up = np.array([0.0, 1.0, 0.0]) if results.model is None else results.model.up
-    span = _span(results)
-    motion = results.kinematics.motion
-    com = None
-    if (
-        results.model is not None
-        and motion is not None
-        and len(motion)
-        and results.model.mass > 0.0
-    ):
-        # It is drawn, not computed with.
-        com = centroid(results.model, thinned(motion, MAX_CENTER_FRAMES))
+    model = results.model
+    up = np.array([0.0, 1.0, 0.0]) if model is None else model.up
+    com = _center_of_mass(results)
     weight = None
-    if results.model is not None and results.model.mass > 0.0 and np.any(results.model.gravity):
-        weight = results.model.weight
     # A model of part of a body does not weigh what stands on the plates.
-    whole = weight if not results.dynamics.root_note else None
-    ground = GroundPhases()
-    pressing = results.dynamics.wrenches
-    # A plate that feet share is on the nearest one among the measured forces.
-    if (
-        pressing is None or results.contacts.situation == "shared"
-    ) and results.contacts.forces is not None:
-        pressing = results.contacts.forces.wrenches()
-    if pressing is not None and len(pressing.names):
-        as_measured = pressing is results.dynamics.wrenches
-        measured = results.dynamics.measured if as_measured else None
-        ground = ground_phases(pressing, up, whole, com, measured)
-    if results.recorded.events is not None:
-        kind = ground.kind if not results.recorded.events else ground.kind or "movement"
-        events = tuple(sorted(results.recorded.events, key=lambda event: event.time))
-        ground = GroundPhases(kind, events, ground.measures)
-    scale = tables.body_scale(results.kinematics.markers)
+    if model is not None and model.mass > 0.0 and not results.dynamics.root_note:
+        weight = model.weight if np.any(model.gravity) else None
     prepared = Prepared(
         results=results,
         up=up,
-        span=span,
-        ground=ground,
+        span=_span(results),
+        ground=_ground(results, up, weight, com),
         centroid=com,
         floor=_floor(results, up),
-        weight=whole,
-        scale=scale,
+        weight=weight,
+        scale=tables.body_scale(results.kinematics.markers),
         verdicts=(),
     )
     return replace(prepared, verdicts=tuple(_verdicts(prepared)))
+
+
+def _center_of_mass(results: ReportInput) -> Series | None:
+    """Compute the center of mass over time, None without a model and a motion."""
+    model = results.model
+    motion = results.kinematics.motion
+    if model is None or motion is None or not len(motion) or not model.mass > 0.0:
+        return None
+    # It is drawn, not computed with.
+    return centroid(model, thinned(motion, MAX_CENTER_FRAMES))
+
+
+def _ground(
+    results: ReportInput, up: Array, weight: float | None, com: Series | None
+) -> GroundPhases:
+    """Events and phases: those of the recording, else those that the ground forces show."""
+    ground = GroundPhases()
+    pressing = results.dynamics.wrenches
+    estimated = results.contacts.forces
+    # A plate that feet share is on the nearest one among the measured forces.
+    if estimated is not None and (pressing is None or results.contacts.situation == "shared"):
+        pressing = estimated.wrenches()
+    if pressing is not None and len(pressing.names):
+        as_measured = pressing is results.dynamics.wrenches
+        measured = results.dynamics.measured if as_measured else None
+        ground = ground_phases(pressing, up, weight, com, measured)
+    if results.recorded.events is None:
+        return ground
+    kind = ground.kind if not results.recorded.events else ground.kind or "movement"
+    events = tuple(sorted(results.recorded.events, key=lambda event: event.time))
+    return GroundPhases(kind, events, ground.measures)
 
 
 def _span(results: ReportInput) -> tuple[float, float]:
@@ -310,26 +317,24 @@ def _verdicts(prepared: Prepared) -> list[Verdict]:
         rows += tables.residual_verdicts(model, torques, wrenches, prepared.center_height)
     rows += contact_verdicts(results, prepared.center_height)
     if tension is not None:
-        asked = tension.asked
-        rows.append(
-            tables.counted_verdict(
-                Quantity.NOT_OPTIMAL, ~tension.optimal[asked], tension.time[asked]
-            )
-        )
-        if model is not None and torques is not None:
-            names = results.reserve_coordinates
-            reserves = tension.actuator_force
-            rows += tables.reserve_verdicts(
-                model, torques, names, reserves, tension.time, results.muscles.driven
-            )
-        most = np.ones(len(tension.muscles))
-        if model is not None:
-            most = tables.largest_activations(model, tension.muscles)
-        if tension.options.has_passive or tension.overstretched:
-            rows.append(
-                tables.stretch_verdict(
-                    tension.overstretched, len(tension.muscles), tension.large_passive
-                )
-            )
-        rows += tables.saturation_verdicts(tension.muscles, tension.activation, most, tension.time)
+        rows += _tension_verdicts(results, tension)
     return rows
+
+
+def _tension_verdicts(results: ReportInput, tension: Tension) -> Iterator[Verdict]:
+    model = results.model
+    torques = results.dynamics.torques
+    asked = tension.asked
+    yield tables.counted_verdict(Quantity.NOT_OPTIMAL, ~tension.optimal[asked], tension.time[asked])
+    if model is not None and torques is not None:
+        names = results.reserve_coordinates
+        reserves = Series(tension.time, names, tension.actuator_force[:, : len(names)])
+        yield from tables.reserve_verdicts(model, torques, reserves, results.muscles.driven)
+    if tension.options.has_passive or tension.overstretched:
+        yield tables.stretch_verdict(
+            tension.overstretched, len(tension.muscles), tension.large_passive
+        )
+    most = np.ones(len(tension.muscles))
+    if model is not None:
+        most = tables.largest_activations(model, tension.muscles)
+    yield from tables.saturation_verdicts(tension.muscles, tension.activation, most, tension.time)

@@ -6,13 +6,13 @@ import numpy as np
 
 from myomorph.core.model.errors import few
 from myomorph.core.model.quantity import Quantity
-from myomorph.core.model.series import Series
+from myomorph.core.model.series import Motion, Series
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
 from myomorph.core.model.units import MotionKind, shown_unit
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.tension.quantities import GENERALIZED_FORCE_WITH_CONTACTS
 from myomorph.lab.analysis.columns import extremes
-from myomorph.lab.analysis.selection import coordinate_pairs
+from myomorph.lab.analysis.selection import Pair, coordinate_pairs
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.lab.report.trial import figures as drawings
@@ -112,10 +112,8 @@ def force_section(prepared: Prepared) -> Section | None:
     """Ground forces, center of pressure, center of mass and residuals."""
     results = prepared.results
     wrenches = results.dynamics.wrenches
-    torques = results.dynamics.torques
     events = prepared.events
     drawn: list[str] = []
-    lead = ""
     if wrenches is not None and len(wrenches.names):
         drawn += drawings.force_figures(
             wrenches, prepared.up, prepared.detail, events, prepared.weight
@@ -125,22 +123,10 @@ def force_section(prepared: Prepared) -> Section | None:
     first = len(drawn) > 0
     if prepared.centroid is not None:
         drawn += drawings.centroid_figures(prepared.centroid, prepared.up, prepared.detail, events)
-    if wrenches is not None and torques is not None and results.model is not None:
-        left = residuals(results.model, torques)
-        lead = results.dynamics.root_note
-        if not lead and left is not None and np.isfinite(prepared.center_height):
-            net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
-            peak = float(net.max(initial=0.0))
-            drawn += drawings.residual_figures(
-                torques.time, *left, peak, prepared.center_height, prepared.span, events
-            )
-            lead = (
-                "Residuals are the forces at the model's root that the motion would need beside the"
-                " measured ones."
-            )
+    charts, lead = _residuals(prepared)
     figures = [
         Figure(chart, "medium" if first and i == 0 else "small")
-        for i, chart in enumerate(drawn)
+        for i, chart in enumerate([*drawn, *charts])
         if chart
     ]
     if not figures:
@@ -158,51 +144,48 @@ def force_section(prepared: Prepared) -> Section | None:
     )
 
 
+def _residuals(prepared: Prepared) -> tuple[list[str], str]:
+    """Draw the residuals at the root, and explain them or why there are none."""
+    results = prepared.results
+    wrenches = results.dynamics.wrenches
+    torques = results.dynamics.torques
+    if wrenches is None or torques is None or results.model is None:
+        return [], ""
+    if results.dynamics.root_note:
+        return [], results.dynamics.root_note
+    left = residuals(results.model, torques)
+    if left is None or not np.isfinite(prepared.center_height):
+        return [], ""
+    force, moment = left
+    net = np.linalg.norm(np.nan_to_num(wrenches.forces).sum(axis=1), axis=1)
+    charts = drawings.residual_figures(
+        drawings.Residuals(
+            time=torques.time,
+            force=force,
+            moment=moment,
+            peak=float(net.max(initial=0.0)),
+            height=prepared.center_height,
+        ),
+        prepared.span,
+        prepared.events,
+    )
+    return charts, (
+        "Residuals are the forces at the model's root that the motion would need beside the"
+        " measured ones."
+    )
+
+
 def joint_section(prepared: Prepared) -> Section | None:
     """Angles and moments of the joints that move, right and left together."""
     results = prepared.results
-    motion = prepared.results.kinematics.motion
+    motion = results.kinematics.motion
     if motion is None or not len(motion) or results.model is None:
         return None
     ranges = {extreme.name: extreme.high - extreme.low for extreme in extremes(motion)}
     chosen = coordinate_pairs(results.model, ranges)
     if not chosen:
         return None
-    figures = []
-    mass = 0.0 if results.model is None or results.dynamics.root_note else results.model.mass
-    scale = (1.0 / mass, "N·m/kg") if mass > 0.0 else None
-    truth = results.recorded.truth or Truth()
     torques = results.dynamics.torques
-    shown = (prepared.detail, prepared.events)
-    margin = 36 if scale and torques is not None else 8
-    spreads = results.uncertainty.spreads
-    angles = spreads.get(COORDINATE_VALUE.name)
-    moments = spreads.get(GENERALIZED_FORCE_WITH_CONTACTS.name, spreads.get(GENERALIZED_FORCE.name))
-    for pair in chosen:
-        base = pair.label.removesuffix(" angle")
-        drawing = drawings.pair_panel(
-            f"{base} angle",
-            "°",
-            pair,
-            motion,
-            *shown,
-            180 / np.pi,
-            truth=truth.motion,
-            margin=margin,
-            spread=angles,
-        )
-        if torques is not None and any(name in torques.names for name in pair.names):
-            drawing += drawings.pair_panel(
-                f"{base} moment",
-                "N·m",
-                pair,
-                torques,
-                *shown,
-                second=scale,
-                truth=truth.torques,
-                spread=moments,
-            )
-        figures.append(Figure(drawing))
     moving = sum(1 for span in ranges.values() if span > 1e-6)
     lead = (
         f"The {len(chosen)} joints shown are the usual ones and those that move most, of {moving}"
@@ -211,7 +194,8 @@ def joint_section(prepared: Prepared) -> Section | None:
     lead += "move; all are in the table." + (
         " Vertical lines are events." if prepared.events else ""
     )
-    lead += prepared.detail_note + (BANDS if angles is not None else "")
+    banded = COORDINATE_VALUE.name in results.uncertainty.spreads
+    lead += prepared.detail_note + (BANDS if banded else "")
     legend = SIDES_LEGEND + ((("truth", "truth"),) if results.recorded.truth else ())
     title = "Joint angles and moments" if torques is not None else "Joint angles"
     return Section(
@@ -219,9 +203,49 @@ def joint_section(prepared: Prepared) -> Section | None:
         title=title,
         lead=lead,
         legend=legend,
-        figures=tuple(figures),
+        figures=_joint_figures(prepared, motion, chosen),
         grids=tuple(_joint_grids(prepared, motion)),
     )
+
+
+def _joint_figures(
+    prepared: Prepared, motion: Motion, chosen: Sequence[Pair]
+) -> tuple[Figure, ...]:
+    """Draw the angles of pairs of coordinates, and their moments below."""
+    results = prepared.results
+    torques = results.dynamics.torques
+    truth = results.recorded.truth or Truth()
+    spreads = results.uncertainty.spreads
+    mass = 0.0 if results.model is None or results.dynamics.root_note else results.model.mass
+    scale = (1.0 / mass, "N·m/kg") if mass > 0.0 else None
+    shown = (prepared.detail, prepared.events)
+    angles = drawings.PairSeries(
+        series=motion,
+        unit="°",
+        factor=180 / np.pi,
+        truth=truth.motion,
+        spread=spreads.get(COORDINATE_VALUE.name),
+    )
+    margin = 36 if scale and torques is not None else 8
+    moments = None
+    if torques is not None:
+        moments = drawings.PairSeries(
+            series=torques,
+            unit="N·m",
+            second=scale,
+            truth=truth.torques,
+            spread=spreads.get(
+                GENERALIZED_FORCE_WITH_CONTACTS.name, spreads.get(GENERALIZED_FORCE.name)
+            ),
+        )
+    figures = []
+    for pair in chosen:
+        base = pair.label.removesuffix(" angle")
+        drawing = drawings.pair_panel(f"{base} angle", pair, angles, shown, margin)
+        if moments is not None and any(name in moments.series.names for name in pair.names):
+            drawing += drawings.pair_panel(f"{base} moment", pair, moments, shown)
+        figures.append(Figure(drawing))
+    return tuple(figures)
 
 
 def _joint_grids(prepared: Prepared, motion: Series) -> list[Grid]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import itertools
 from collections import Counter
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -192,35 +193,16 @@ def _reserves(model: Model, tension: Tension) -> str:
 
     The largest that holds the root follows.
     """
-    time = tension.time
-    text = ""
-    torques = Series(time, tension.coordinates, tension.balanced_torque)
+    torques = Series(tension.time, tension.coordinates, tension.balanced_torque)
     names = [reserve_coordinate(model, name) for name in tension.reserve_names]
     alone = _without_muscles(torques, names, tension)
     driven = [name for name in tension.coordinates if name not in alone]
     worst = tables.worst_reserve(model, torques, names, tension.actuator_force, driven)
-    if worst is not None:
-        value = abs(float(tension.actuator_force[worst.frame, worst.column]))
-        at = float(time[worst.frame])
-        unit = reserve_unit(model, worst.coordinate)
-        verdict = "within" if worst.share <= tables.RESERVE else "over"
-        whose = "its peak torque"
-        if not worst.own:
-            whose = f"{plain(worst.scale)} {unit} (its own torque is negligible)"
-        text = f"; largest reserve {plain(value)} {unit} ({worst.coordinate} at {at:.2f} s), "
-        text += f"{plain(100 * worst.share)} % of {whose}: {verdict} {100 * tables.RESERVE:g} %"
+    text = "" if worst is None else _largest_reserve(model, tension, worst)
     for unit in ("N", "N m"):
-        columns = [
-            i
-            for i, name in enumerate(tension.reserve_names)
-            if _residual_unit(model, name, names[i]) == unit
-        ]
-        values = np.abs(tension.actuator_force[:, columns])
-        if columns and np.isfinite(values).any():
-            frame, column = np.unravel_index(int(np.nanargmax(values)), values.shape)
-            name = tension.reserve_names[columns[column]]
-            start = ", " if text.endswith(" s)") else "; largest residual "
-            text += f"{start}{plain(values[frame, column])} {unit} ({name} at {time[frame]:.2f} s)"
+        largest = _largest_residual(model, tension, names, unit)
+        if largest:
+            text += (", " if text.endswith(" s)") else "; largest residual ") + largest
     if alone:
         name = max(alone, key=lambda coordinate: float(np.nanmax(np.abs(torques[coordinate]))))
         peak = float(np.nanmax(np.abs(torques[name])))
@@ -229,6 +211,34 @@ def _reserves(model: Model, tension: Tension) -> str:
             f"; {len(alone)} coordinates without muscles are carried by reserves alone ({largest})"
         )
     return text
+
+
+def _largest_reserve(model: Model, tension: Tension, worst: tables.WorstReserve) -> str:
+    """Write the worst reserve with its verdict."""
+    value = abs(float(tension.actuator_force[worst.frame, worst.column]))
+    at = float(tension.time[worst.frame])
+    unit = reserve_unit(model, worst.coordinate)
+    verdict = "within" if worst.share <= tables.RESERVE else "over"
+    whose = "its peak torque"
+    if not worst.own:
+        whose = f"{plain(worst.scale)} {unit} (its own torque is negligible)"
+    text = f"; largest reserve {plain(value)} {unit} ({worst.coordinate} at {at:.2f} s), "
+    return text + f"{plain(100 * worst.share)} % of {whose}: {verdict} {100 * tables.RESERVE:g} %"
+
+
+def _largest_residual(model: Model, tension: Tension, names: Sequence[str], unit: str) -> str:
+    """Write the largest actuator in a unit that holds the root; "" where there is none."""
+    columns = [
+        i
+        for i, name in enumerate(tension.reserve_names)
+        if _residual_unit(model, name, names[i]) == unit
+    ]
+    values = np.abs(tension.actuator_force[:, columns])
+    if not columns or not np.isfinite(values).any():
+        return ""
+    frame, column = np.unravel_index(int(np.nanargmax(values)), values.shape)
+    name = tension.reserve_names[columns[column]]
+    return f"{plain(values[frame, column])} {unit} ({name} at {tension.time[frame]:.2f} s)"
 
 
 def _without_muscles(torques: Series, names: list[str], tension: Tension) -> list[str]:

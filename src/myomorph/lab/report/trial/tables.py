@@ -309,41 +309,43 @@ def worst_reserve(
     -------
     The reserve and its frame; None where there is none
     """
-    root = {name for group in root_coordinates(model) for name in group}
-    known = [
-        name for name in torques.names if name not in root and np.isfinite(torques[name]).any()
-    ]
-    peaks = {name: float(np.nanmax(np.abs(torques[name]))) for name in known}
+    peaks = _joint_peaks(model, torques)
     slides = {name: model.coordinate(name).motion == "translational" for name in peaks}
     floors = {
         kind: NEGLIGIBLE * max((peaks[name] for name in peaks if slides[name] is kind), default=0.0)
         for kind in (True, False)
     }
-    worst: WorstReserve | None = None
+    judged = []
     for i, name in enumerate(names):
-        if (
-            name not in peaks
-            or (driven and name not in driven)
-            or not np.isfinite(reserves[:, i]).any()
-        ):
+        unmoved = bool(driven) and name not in driven
+        if name not in peaks or unmoved or not np.isfinite(reserves[:, i]).any():
             continue
         frame = int(np.nanargmax(np.abs(reserves[:, i])))
         scale = max(peaks[name], floors[slides[name]], 1e-12)
-        share = abs(float(reserves[frame, i])) / scale
-        if worst is None or share > worst.share:
-            worst = WorstReserve(
-                frame=frame, column=i, coordinate=name, share=share, peak=peaks[name], scale=scale
+        judged.append(
+            WorstReserve(
+                frame=frame,
+                column=i,
+                coordinate=name,
+                share=abs(float(reserves[frame, i])) / scale,
+                peak=peaks[name],
+                scale=scale,
             )
-    return worst
+        )
+    return max(judged, key=lambda reserve: reserve.share, default=None)
+
+
+def _joint_peaks(model: Model, torques: Series) -> dict[str, float]:
+    """Peak torques of the coordinates of joints, as far as they are known."""
+    root = {name for group in root_coordinates(model) for name in group}
+    known = [
+        name for name in torques.names if name not in root and np.isfinite(torques[name]).any()
+    ]
+    return {name: float(np.nanmax(np.abs(torques[name]))) for name in known}
 
 
 def reserve_verdicts(
-    model: Model,
-    torques: Series,
-    names: Sequence[str],
-    reserves: Array,
-    time: Array,
-    driven: Sequence[str] = (),
+    model: Model, torques: Series, reserves: Series, driven: Sequence[str] = ()
 ) -> list[Verdict]:
     """Judge reserve actuators: peak under 10 % of the peak torque of their coordinate.
 
@@ -353,19 +355,18 @@ def reserve_verdicts(
     ----------
     model : with the coordinates
     torques : (frames, coordinates) [N m or N]
-    names : coordinates that the reserves drive
-    reserves : (frames, reserves) [N m or N]
-    time : (frames,) [s]
+    reserves : (frames, reserves) [N m or N], by the coordinates that they drive
     driven : coordinates that some muscle moves; () for all
 
     Returns
     -------
     Verdict on the worst reserve, and on coordinates that no muscle moves
     """
-    worst = worst_reserve(model, torques, names, reserves, driven)
+    names = reserves.names
+    worst = worst_reserve(model, torques, names, reserves.values, driven)
     rows = []
     if worst is not None:
-        value = abs(float(reserves[worst.frame, worst.column]))
+        value = abs(float(reserves.values[worst.frame, worst.column]))
         force = model.coordinate(worst.coordinate).motion == "translational"
         size = "N" if force else "N·m"
         detail = f"{value:.3g} {size} beside a peak of {worst.peak:.3g} {size}"
@@ -383,7 +384,7 @@ def reserve_verdicts(
                 unit=unit,
                 limit=100 * RESERVE,
                 worst=worst.coordinate,
-                time=float(time[worst.frame]),
+                time=float(reserves.time[worst.frame]),
                 source=CHECKLIST,
                 detail=detail,
             )

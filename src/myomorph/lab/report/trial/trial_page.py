@@ -7,6 +7,7 @@ from typing import get_args
 
 import numpy as np
 
+from myomorph.core.model.arrays import Array
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Motion
@@ -15,7 +16,7 @@ from myomorph.lab.report.charts.pictures import nearest_frames
 from myomorph.lab.report.page.page import Instant, Tile, rendered
 from myomorph.lab.report.page.parts import Link, Quantity, State, listed
 from myomorph.lab.report.scene.pictures import frames_to_play, pictures, player, proportion
-from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.scene.scene import Acting, Scene, make_scene
 from myomorph.lab.report.trial.answer.answer import Answer, answer_of
 from myomorph.lab.report.trial.answer.first_screen import first_screen
 from myomorph.lab.report.trial.estimated_forces import acting_forces
@@ -189,46 +190,38 @@ def _state(prepared: Prepared, *quantities: Quantity) -> str:
 def _body(prepared: Prepared) -> tuple[list[Instant], str]:
     """Pictures at key instants, and the moving skeleton; empty without a model and a motion."""
     results = prepared.results
-    motion = prepared.results.kinematics.motion
-    if results.model is None or motion is None or not results.model.bodies:
+    model = results.model
+    motion = results.kinematics.motion
+    if model is None or motion is None or not model.bodies:
         return [], ""
     good = np.flatnonzero(np.isfinite(motion.values).all(axis=1))
     if not len(good):
         return [], ""
+    acting = Acting(results.activations, acting_forces(results))
     chosen = _key_frames(motion, good, prepared)
-    activations = results.activations
-    forces = acting_forces(results)
-    still = make_scene(
-        results.model, motion, [frame for frame, _ in chosen], results.surfaces, activations, forces
-    )
+    still = make_scene(model, motion, [frame for frame, _ in chosen], results.surfaces, acting)
     if proportion(still, "side") > WIDE:
         chosen = chosen[:: -(-len(chosen) // FEW_INSTANTS)]
-        still = make_scene(
-            results.model,
-            motion,
-            [frame for frame, _ in chosen],
-            results.surfaces,
-            activations,
-            forces,
-        )
+        still = make_scene(model, motion, [frame for frame, _ in chosen], results.surfaces, acting)
+    points = sum(len(muscle.path.points) for muscle in model.muscles)
+    count = frames_to_play(len(good), points, len(model.bodies))
+    first, last = np.searchsorted(motion.time[good], prepared.played)
+    played = good[first : max(last, first) + 1]
+    moving = played[np.unique(np.linspace(0, len(played) - 1, count).round().astype(np.int64))]
+    scene = make_scene(model, motion, [int(i) for i in moving], results.surfaces, acting)
+    return _instants(still, chosen, motion.time), player(scene)
+
+
+def _instants(still: Scene, chosen: Sequence[tuple[int, str]], time: Array) -> list[Instant]:
+    """Pictures of a scene from the side and from the front, with label and time of each frame."""
     drawn = pictures(still)
     sides = drawn[: len(chosen)]
     fronts = drawn[len(chosen) :]
     instants = []
     for (frame, label), side, front in zip(chosen, sides, fronts, strict=True):
-        text = ", ".join(
-            word for word in (label, f"{number(float(motion.time[frame]), 0.001)} s") if word
-        )
-        instants.append(Instant(text, side, front))
-    points = sum(len(muscle.path.points) for muscle in results.model.muscles)
-    count = frames_to_play(len(good), points, len(results.model.bodies))
-    first, last = np.searchsorted(motion.time[good], prepared.played)
-    played = good[first : max(last, first) + 1]
-    moving = played[np.unique(np.linspace(0, len(played) - 1, count).round().astype(np.int64))]
-    scene = make_scene(
-        results.model, motion, [int(i) for i in moving], results.surfaces, activations, forces
-    )
-    return instants, player(scene)
+        words = (label, f"{number(float(time[frame]), 0.001)} s")
+        instants.append(Instant(", ".join(word for word in words if word), side, front))
+    return instants
 
 
 def _key_frames(motion: Motion, good: np.ndarray, prepared: Prepared) -> list[tuple[int, str]]:

@@ -6,11 +6,11 @@ Held-out motions are shown as in [D] figure 3.3.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from myomorph.body.calibrate.calibration import Calibration, root_mean_square
+from myomorph.body.calibrate.calibration import Calibration, ZeroAngle, root_mean_square
 from myomorph.body.identify.validation import COMPONENTS, CrossValidation
 from myomorph.core.model.model import Model
 from myomorph.core.model.quantity import Quantity
@@ -163,41 +163,14 @@ def calibration_section(calibration: Calibration, recordings: Sequence[str]) -> 
         (length.length.name, length.generic, length.value, length.generic * length.sd)
         for length in calibration.lengths
     ]
-    lead = "Segment lengths and marker positions that fit the recordings"
-    frames = sum(len(chosen) for chosen in calibration.frames)
-    lead += f", from {number(frames, 1.0)} frames." if frames else "."
-    lead += (
-        f" {'Converged' if calibration.converged else 'NOT converged'} after {calibration.steps}"
-        " steps, "
-    )
-    lead += f"last change {calibration.last_change:.1g} of a length or a meter."
+    lead = _calibration_lead(calibration)
     lead += " Bars are ± one standard deviation." if any(sd for *_, sd in lengths) else ""
-    figures = []
-    if lengths:
-        names = [name for name, *_ in lengths]
-        change = np.array([1000.0 * (after - before) for _, before, after, _ in lengths])
-        sd = np.array([1000.0 * sd for *_, sd in lengths])
-        figures.append(
-            dot_plot("Change of lengths", "mm", names, [change], ("first",), ("change",), 520, sd)
-        )
-    if calibration.markers:
-        shifts = (
-            (marker.name, float(np.linalg.norm(marker.shift))) for marker in calibration.markers
-        )
-        moved = dict(sorted(shifts, key=lambda shift: -shift[1])[:MAX_MARKERS])
-        far = [1000.0 * np.array(list(moved.values()))]
-        figures.append(
-            dot_plot("Marker displacements", "mm", list(moved), far, ("third",), ("moved",), 520)
-        )
     errors = tuple(
         (name, *(_millimetres(root_mean_square((distances,))) for distances in pair))
         for name, *pair in zip(recordings, calibration.before, calibration.after, strict=True)
     )
     length_rows = tuple((name, *map(_millimetres, values)) for name, *values in lengths)
-    zeros = []
-    for zero in calibration.zero_angles:
-        limits = " to ".join(f"{number(np.degrees(limit))}°" for limit in zero.interval)
-        zeros.append((zero.coordinate, f"{number(np.degrees(zero.offset))}°", limits, zero.source))
+    zeros = tuple(map(_zero_row, calibration.zero_angles))
     head = ("Coordinate", "Zero against the generic model's", "90 % interval", "Fixed by")
     grids = (
         Grid(("Trial", "RMS before", "RMS after"), errors, "Marker errors before and after"),
@@ -207,18 +180,55 @@ def calibration_section(calibration: Calibration, recordings: Sequence[str]) -> 
             title="Lengths",
             folded=len(lengths) > MAX_OPEN_ROWS,
         ),
-        Grid(head=head, rows=tuple(zeros), title="Zero angles", folded=len(zeros) > MAX_OPEN_ROWS),
+        Grid(head=head, rows=zeros, title="Zero angles", folded=len(zeros) > MAX_OPEN_ROWS),
         Grid(("Note",), tuple((text,) for text in calibration.notes), "Notes of the calibration"),
     )
-    drawn = tuple(Figure(figure, "medium") for figure in figures)
+    charts = [*_length_chart(lengths), *_marker_chart(calibration)]
     return Section(
         key="calibration",
         title="Lengths and markers",
         lead=lead,
         legend=(),
-        figures=drawn,
+        figures=tuple(Figure(chart, "medium") for chart in charts),
         grids=grids,
     )
+
+
+def _calibration_lead(calibration: Calibration) -> str:
+    """Write how many frames were used, and whether the fit converged."""
+    lead = "Segment lengths and marker positions that fit the recordings"
+    frames = sum(len(chosen) for chosen in calibration.frames)
+    lead += f", from {number(frames, 1.0)} frames." if frames else "."
+    lead += (
+        f" {'Converged' if calibration.converged else 'NOT converged'} after {calibration.steps}"
+        " steps, "
+    )
+    return lead + f"last change {calibration.last_change:.1g} of a length or a meter."
+
+
+def _length_chart(lengths: Sequence[tuple[str, float, float, float]]) -> Iterator[str]:
+    """Yield the change of lengths (name, before, after, standard deviation) if there are any."""
+    if lengths:
+        names = [name for name, *_ in lengths]
+        change = np.array([1000.0 * (after - before) for _, before, after, _ in lengths])
+        sd = np.array([1000.0 * sd for *_, sd in lengths])
+        yield dot_plot("Change of lengths", "mm", names, [change], ("first",), ("change",), 520, sd)
+
+
+def _marker_chart(calibration: Calibration) -> Iterator[str]:
+    """Yield the displacements of the markers that moved most, if there are any."""
+    if calibration.markers:
+        shifts = (
+            (marker.name, float(np.linalg.norm(marker.shift))) for marker in calibration.markers
+        )
+        moved = dict(sorted(shifts, key=lambda shift: -shift[1])[:MAX_MARKERS])
+        far = [1000.0 * np.array(list(moved.values()))]
+        yield dot_plot("Marker displacements", "mm", list(moved), far, ("third",), ("moved",), 520)
+
+
+def _zero_row(zero: ZeroAngle) -> tuple[str, ...]:
+    limits = " to ".join(f"{number(np.degrees(limit))}°" for limit in zero.interval)
+    return zero.coordinate, f"{number(np.degrees(zero.offset))}°", limits, zero.source
 
 
 def _millimetres(value: float) -> str:

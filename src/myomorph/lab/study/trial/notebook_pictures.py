@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Series
 from myomorph.core.rigid.tree import compile_tree
-from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.scene.scene import Acting, make_scene
 from myomorph.lab.report.trial.answer.pose_pictures import PosePicture, pose_pictures
 from myomorph.lab.study.trial.reporting import reduced_for_pictures, surfaces_of
 
@@ -54,7 +54,7 @@ def poses_picture(
     activations : of the muscles, where they are known
     """
     surfaces = reduced_for_pictures(surfaces_of(model))
-    scene = make_scene(model, motion, frames, surfaces, activations)
+    scene = make_scene(model, motion, frames, surfaces, Acting(activations))
     return "".join(_image(picture) for picture in pose_pictures(model, scene))
 
 

@@ -12,7 +12,7 @@ from myomorph.core.model.errors import counted
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.message_groups import CauseGroup
 from myomorph.core.model.messages import Gravity, Message, Span
-from myomorph.lab.report.scene.scene import make_scene
+from myomorph.lab.report.scene.scene import Acting, make_scene
 from myomorph.lab.report.trial.answer.answer import Answer
 from myomorph.lab.report.trial.answer.answer_chart import answer_chart
 from myomorph.lab.report.trial.answer.answer_curve import FEW
@@ -175,7 +175,7 @@ def _poses(prepared: Prepared, answer: Answer) -> tuple[ShownPose, ...]:
     ]
     if not chosen:
         return ()
-    scene = make_scene(results.model, motion, chosen, results.surfaces, results.activations)
+    scene = make_scene(results.model, motion, chosen, results.surfaces, Acting(results.activations))
     drawn = pose_pictures(results.model, scene)
     return tuple(
         ShownPose(pose, picture, busiest)
