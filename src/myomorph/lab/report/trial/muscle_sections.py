@@ -24,7 +24,14 @@ from myomorph.lab.analysis.selection import Pair, major_muscles
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.curves import CycleCurve, Line, cycle_chart, time_plot
 from myomorph.lab.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
-from myomorph.lab.report.trial.figures import activation_panel, emg_panel, pair_panel, tension_map
+from myomorph.lab.report.trial.figures import (
+    Activations,
+    PairSeries,
+    activation_panel,
+    emg_panel,
+    pair_panel,
+    tension_map,
+)
 from myomorph.lab.report.trial.prepared import Prepared
 
 CONFLICT_HEAD = (
@@ -82,10 +89,15 @@ def activation_section(prepared: Prepared) -> Section | None:
     mean = np.nanmean(tension.muscle_force, axis=0) if len(tension.muscle_force) else None
     chosen = major_muscles(tension.muscles, mean)
     shown = (prepared.detail, prepared.events)
-    strengths = results.strengths
-    truth = results.recorded.truth.activations if results.recorded.truth else None
-    figures = []
     spread = results.uncertainty.spreads.get(ACTIVATION.name)
+    activations = Activations(
+        series=series,
+        muscles=tension.muscles,
+        strengths=results.strengths,
+        truth=results.recorded.truth.activations if results.recorded.truth else None,
+        spread=spread,
+    )
+    figures = []
     for pair in chosen:
         measured = emg_of(prepared, pair)
         drawn = activation_panel(pair, activations, *shown, measured)
