@@ -113,7 +113,7 @@ def activation_section(prepared: Prepared) -> Section | None:
             " magnitude"
         )
         legend += (("emg", "EMG"),)
-    if truth is not None:
+    if activations.truth is not None:
         legend += (("truth", "truth"),)
     return Section(
         key="activations",
