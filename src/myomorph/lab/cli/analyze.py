@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import shlex
 import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from myomorph.lab.cli import options as flags
 from myomorph.lab.cli.output import said
@@ -29,24 +33,62 @@ AnalyzeOptions = flags.options_class(*(kind for step in STEPS for kind in step.o
 
 
 @flags.documented
+@dataclass(frozen=True, kw_only=True)
+class Subject:
+    """Who was recorded, and how the recordings are to be read.
+
+    Attributes
+    ----------
+    mass : of the subject [kg]; by default what plates weigh, where they can
+    height : of the subject [m]: scales the generic model, and is held against the markers
+    static : recording of standing still; by default found among or beside the recordings
+    model : OpenSim or MuJoCo model with markers; by default myo-sim's legs and trunk
+    arms : give the generic model both arms and their muscles, where markers show them
+    protocol : table of marker protocols of your own (.toml), beside those of the package
+    """
+
+    mass: float | None = None
+    height: float | None = None
+    static: Path | None = None
+    model: Path | None = None
+    arms: bool = False
+    protocol: Path | None = None
+
+
+@flags.documented
+@dataclass(frozen=True, kw_only=True)
+class Computing:
+    """Where results go, and how they are computed.
+
+    Attributes
+    ----------
+    out : folder to write
+    workers : processes that work side by side
+    prepare : only write the study file, so that it can be changed before it is run
+    dry_run : only write the study file, and print what would be computed and how long it takes
+    """
+
+    draws: flags.DrawCount = None
+    out: Path = Path("analysis")
+    threads: flags.Threads = None
+    workers: int | None = None
+    prepare: bool = False
+    dry_run: bool = False
+
+
+UNKNOWN = Subject()
+AT_ONCE = Computing()
+
+
+@flags.documented
 def analyze_command(
     recordings: tuple[Path, ...],
     /,
     *,
-    mass: float | None = None,
-    height: float | None = None,
-    static: Path | None = None,
-    model: Path | None = None,
-    arms: bool = False,
-    protocol: Path | None = None,
+    subject: Annotated[Subject, Parameter(name="*")] = UNKNOWN,
     inputs: AnalyzeInputs | None = None,  # type: ignore[valid-type]
     options: AnalyzeOptions | None = None,  # type: ignore[valid-type]
-    draws: flags.DrawCount = None,
-    out: Path = Path("analysis"),
-    threads: flags.Threads = None,
-    workers: int | None = None,
-    prepare: bool = False,
-    dry_run: bool = False,
+    computing: Annotated[Computing, Parameter(name="*")] = AT_ONCE,
 ) -> int:
     """Make a report of raw recordings.
 
@@ -56,16 +98,10 @@ def analyze_command(
     ----------
     recordings : recordings of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv,
         .txt), or folders of them, those of OpenCap and Pose2Sim too
-    mass : of the subject [kg]; by default what plates weigh, where they can
-    height : of the subject [m]: scales the generic model, and is held against the markers
-    static : recording of standing still; by default found among or beside the recordings
-    model : OpenSim or MuJoCo model with markers; by default myo-sim's legs and trunk
-    arms : give the generic model both arms and their muscles, where markers show them
-    protocol : table of marker protocols of your own (.toml), beside those of the package
-    out : folder to write
-    workers : processes that work side by side
-    prepare : only write the study file, so that it can be changed before it is run
-    dry_run : only write the study file, and print what would be computed and how long it takes
+    subject : who was recorded
+    inputs : further files
+    options : of all steps
+    computing : where results go, and how they are computed
     """
     from myomorph.core.model.errors import BadData
     from myomorph.lab.analyze.analyze import prepare_request
@@ -78,28 +114,29 @@ def analyze_command(
         raise BadData(
             "no recording: give one or more recordings (.c3d, .trc, .mvnx, ...) or folders of them"
         )
-    if mass is not None and not mass > 0.0:
-        raise BadData(f"--mass {mass:g}: expected the subject's mass [kg]")
-    flags.use_threads(threads)
+    if subject.mass is not None and not subject.mass > 0.0:
+        raise BadData(f"--mass {subject.mass:g}: expected the subject's mass [kg]")
+    flags.use_threads(computing.threads)
     request = AnalyzeRequest(
         recordings=recordings,
-        mass=mass,
-        height=height,
-        static=static,
-        model=model,
-        arms=arms,
-        table=None if protocol is None else read_protocols(protocol),
+        mass=subject.mass,
+        height=subject.height,
+        static=subject.static,
+        model=subject.model,
+        arms=subject.arms,
+        table=None if subject.protocol is None else read_protocols(subject.protocol),
         inputs=flags.inputs_of_flags(inputs, near=True),
-        options=flags.settings_by_step(options, STEPS) | drawn_settings(draws, None),
+        options=flags.settings_by_step(options, STEPS) | drawn_settings(computing.draws, None),
         command=shlex.join(["myomorph", *sys.argv[1:]]),
     )
-    prepared = prepare_request(request, out)
+    prepared = prepare_request(request, computing.out)
     said("assumed:")
     for text in prepared.assumed:
         said(f"  {text}")
     said(f"study file, to be changed and run again: {prepared.study}")
-    if prepare and not dry_run:
+    if computing.prepare and not computing.dry_run:
         return 0
-    return run_plan(
-        read_plan(prepared.study), out, Running(dry_run=dry_run, workers=workers, threads=threads)
+    running = Running(
+        dry_run=computing.dry_run, workers=computing.workers, threads=computing.threads
     )
+    return run_plan(read_plan(prepared.study), computing.out, running)

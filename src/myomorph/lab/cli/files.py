@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
 
 from myomorph.lab.cli.options import documented, inputs_class, inputs_of_flags
 from myomorph.lab.cli.output import said, warn
@@ -30,16 +33,36 @@ def info_command(file: Path, /, *, reasons: bool = False) -> int:
 
 
 @documented
+@dataclass(frozen=True, kw_only=True)
+class Conversion:
+    """How a recording is converted.
+
+    Attributes
+    ----------
+    up : axis that points up: y by default, as OpenSim has it; kept where a C3D file is written
+    forward : axis that the walk goes along, by right angles; kept by default
+    axes : instead of both, the new axes in the old frame: x,z,-y turns z up to y up
+    units : of lengths in a TRC file
+    labels : table of names (.csv: label, new name; an empty new name drops the marker or channel)
+    """
+
+    up: Literal["", "y", "z", "keep"] = ""
+    forward: Literal["", "x", "-x", "y", "-y", "z", "-z"] = ""
+    axes: str = ""
+    units: Literal["mm", "cm", "m"] = "mm"
+    labels: Path | None = None
+
+
+AS_IT_IS = Conversion()
+
+
+@documented
 def convert_command(
     files: list[Path],
     /,
     *,
     out: Path,
-    up: Literal["", "y", "z", "keep"] = "",
-    forward: Literal["", "x", "-x", "y", "-y", "z", "-z"] = "",
-    axes: str = "",
-    units: Literal["mm", "cm", "m"] = "mm",
-    labels: Path | None = None,
+    conversion: Annotated[Conversion, Parameter(name="*")] = AS_IT_IS,
     inputs: ConvertInputs | None = None,  # type: ignore[valid-type]
 ) -> int:
     """Write a recording as other files: C3D to TRC, MOT with external loads and STO, and back.
@@ -50,23 +73,23 @@ def convert_command(
         them
     out : file to write, by its ending: .trc markers, .mot forces with external loads (.xml) beside
         it, .sto or .csv EMG or a table, .c3d all of it; or a folder for all that there is
-    up : axis that points up: y by default, as OpenSim has it; kept where a C3D file is written
-    forward : axis that the walk goes along, by right angles; kept by default
-    axes : instead of both, the new axes in the old frame: x,z,-y turns z up to y up
-    units : of lengths in a TRC file
-    labels : table of names (.csv: label, new name; an empty new name drops the marker or channel)
+    conversion : axes, units and names
+    inputs : plates and time
     """
     from myomorph.core.io.labels import read_labels
     from myomorph.lab.convert.convert import ConvertOptions, convert
     from myomorph.lab.study.inputs.loads import LoadsFile
     from myomorph.lab.study.inputs.time_span import TimeSpan
 
-    names = {} if labels is None else read_labels(labels)
     named = inputs_of_flags(inputs)
-    plates = named.or_default(LoadsFile).plates
-    time = named.or_default(TimeSpan).time
     options = ConvertOptions(
-        up=up, forward=forward, axes=axes, units=units, labels=names, plates=plates, time=time
+        up=conversion.up,
+        forward=conversion.forward,
+        axes=conversion.axes,
+        units=conversion.units,
+        labels={} if conversion.labels is None else read_labels(conversion.labels),
+        plates=named.or_default(LoadsFile).plates,
+        time=named.or_default(TimeSpan).time,
     )
     made = convert(files, out, options)
     warn(made.notes, "'myomorph info FILE' lists those of the file")

@@ -12,6 +12,7 @@ from typing import Annotated, Any, TypeVar, get_origin, get_type_hints
 from cyclopts import Parameter
 
 from myomorph.core.model.errors import BadData
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.lab.store.settings import attribute_help, settings_of
 from myomorph.lab.study.inputs.input import ByType
 from myomorph.lab.study.inputs.keys import Key, flag_of
@@ -79,13 +80,16 @@ Threads = Annotated[
 ]
 
 
-def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
+def options_class(
+    *sources: type, leave_out: tuple[str, ...] = (), switches: Mapping[str, str] = FrozenMap({})
+) -> Any:
     """Make a dataclass of the settings of option dataclasses, each a command-line option.
 
     Parameters
     ----------
     sources : option dataclasses of steps
     leave_out : settings that another option gives
+    switches : texts in the help of switches that are off by default, by name
     """
     fields: list[tuple[str, Any, Any]] = []
     for source in sources:
@@ -94,32 +98,14 @@ def options_class(*sources: type, leave_out: tuple[str, ...] = ()) -> Any:
                 continue
             kind = Annotated[setting.kind, Parameter(help=_sentence(setting.help))]  # type: ignore[name-defined]
             fields.append((setting.name, kind, dataclasses.field(default=setting.default)))
+    fields += [
+        (name, Annotated[bool, Parameter(help=_sentence(text), negative=())], False)
+        for name, text in switches.items()
+    ]
     made = dataclasses.make_dataclass(
         "Options", fields, frozen=True, namespace={"__module__": __name__}
     )
     return Annotated[made, Parameter(name="*")]
-
-
-def switches_class(helps: Mapping[str, str]) -> Any:
-    """Make a dataclass of switches that are off by default, each a command-line option.
-
-    Parameters
-    ----------
-    helps : text of each in the help, by name
-    """
-    fields = [
-        (name, Annotated[bool, Parameter(help=_sentence(text), negative=())], False)
-        for name, text in helps.items()
-    ]
-    made = dataclasses.make_dataclass(
-        "Switches", fields, frozen=True, namespace={"__module__": __name__}
-    )
-    return Annotated[made, Parameter(name="*")]
-
-
-def switched_on(switches: Any) -> tuple[str, ...]:
-    """Names of the switches that are on."""
-    return tuple(name for name, on in settings_dict(switches).items() if on)
 
 
 def inputs_class(*names: str, leave_out: tuple[str, ...] = ()) -> Any:
@@ -200,19 +186,15 @@ def inputs_of_flags(flags: Any, near: bool = False) -> ByType:
     values: dict[str, Any] = {}
     for declared in map(input_of, flags.NAMES):
         keys = [key for key in declared.keys if hasattr(flags, key.name)]
-        written = {key.name: getattr(flags, key.name) for key in keys}
-        said = [key.name for key in keys if written[key.name] != _no_flag(key)]
+        written = [key for key in keys if getattr(flags, key.name) != _no_flag(key)]
         main = next((key for key in keys if key.name == declared.main), None)
-        if said and main is not None and main.name not in said and not near:
-            word = f" {written[said[0]]}" if isinstance(written[said[0]], str) else ""
-            alone = flag_of(said[0]) + word
+        if written and main is not None and main not in written and not near:
+            value = getattr(flags, written[0].name)
+            word = f" {value}" if isinstance(value, str) else ""
+            alone = flag_of(written[0].name) + word
             needed = flag_of(main.name)
             raise BadData(f"{alone} without {needed}: give {needed} too, or leave both out")
-        values |= {
-            key.name: key.kind.parsed(key.name, written[key.name])
-            for key in keys
-            if key.name in said
-        }
+        values |= {key.name: key.kind.parsed(key.name, getattr(flags, key.name)) for key in written}
     return settings_of_keys(values, flags.NAMES)
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from myomorph.lab.cli import options as flags
 from myomorph.lab.cli.output import made
@@ -16,25 +20,11 @@ PersonalInputs = flags.inputs_class("loads", "emg", "time", leave_out=("loads", 
 
 
 @flags.documented
-def personalize_command(
-    *,
-    model: flags.ModelFile,
-    out: Path,
-    motion: tuple[Path, ...] = (),
-    loads: flags.Loads = (),
-    torques: tuple[Path, ...] = (),
-    emg: tuple[Path, ...] = (),
-    passive: tuple[Path, ...] = (),
-    generic: Path | None = None,
-    inputs: PersonalInputs | None = None,  # type: ignore[valid-type]
-    options: PersonalSettings | None = None,  # type: ignore[valid-type]
-    threads: flags.Threads = None,
-) -> int:
-    """Fit fiber lengths, tendon slack lengths and strengths of a person's muscles.
+@dataclass(frozen=True, kw_only=True)
+class Recordings:
+    """What a person's muscles are fitted to.
 
-    They are fitted to torques and EMG.
-
-    Parameters
+    Attributes
     ----------
     out : model to write (.osim); tables and a report go into a folder beside it
     motion : coordinates over time, one file a recording
@@ -45,14 +35,46 @@ def personalize_command(
         COORDINATE_moment that resting muscles apply about them, blank where not measured
     generic : the model that was scaled: muscles begin with its operating ranges
     """
+
+    model: flags.ModelFile
+    out: Path
+    motion: tuple[Path, ...] = ()
+    loads: flags.Loads = ()
+    torques: tuple[Path, ...] = ()
+    emg: tuple[Path, ...] = ()
+    passive: tuple[Path, ...] = ()
+    generic: Path | None = None
+
+
+@flags.documented
+def personalize_command(
+    *,
+    recordings: Annotated[Recordings, Parameter(name="*")],
+    inputs: PersonalInputs | None = None,  # type: ignore[valid-type]
+    options: PersonalSettings | None = None,  # type: ignore[valid-type]
+    threads: flags.Threads = None,
+) -> int:
+    """Fit fiber lengths, tendon slack lengths and strengths of a person's muscles.
+
+    They are fitted to torques and EMG.
+    """
     from myomorph.lab.study.inputs.reading import open_model
     from myomorph.lab.study.subject.subjects import tables_folder
 
     flags.use_threads(threads)
-    tables = tables_folder(out, personalizing.STEP.tables, (model, generic))
-    recordings = (motion, loads, torques, emg, passive)
-    files = personalizing.PersonalFiles(model, *recordings, generic, flags.inputs_of_flags(inputs))
-    scaled = open_model(model)
+    out = recordings.out
+    tables = tables_folder(out, personalizing.STEP.tables, (recordings.model, recordings.generic))
+    files = personalizing.PersonalFiles(
+        model=recordings.model,
+        motion=recordings.motion,
+        loads=recordings.loads,
+        torques=recordings.torques,
+        emg=recordings.emg,
+        passive=recordings.passive,
+        generic=recordings.generic,
+        inputs=flags.inputs_of_flags(inputs),
+    )
+    scaled = open_model(recordings.model)
     personalized = personalizing.personalize_files(files, flags.settings_dict(options), scaled)
     lost = personalizing.write_personalized(personalized, out, tables)
     notes = (*personalized.found.notes, *personalized.warnings, *lost)

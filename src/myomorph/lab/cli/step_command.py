@@ -6,9 +6,12 @@ It reads a model and what was recorded, and writes a table or a folder of result
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import Any, Optional
+from typing import Annotated, Any, Optional
+
+from cyclopts import Parameter as CliParameter
 
 from myomorph.core.model.errors import BadData
 from myomorph.lab.cli import options as flags
@@ -16,7 +19,7 @@ from myomorph.lab.cli.output import folder_with, said, table_beside, warn
 from myomorph.lab.study.inputs.motion import MotionFile as Coordinates
 from myomorph.lab.study.step.step import Step, StepOutput, step_of
 from myomorph.lab.study.trial.steps.ik import Poses, recorded_poses
-from myomorph.lab.study.trial.trial_inputs import TrialFiles, open_trial
+from myomorph.lab.study.trial.trial_inputs import TrialFiles, TrialInputs, open_trial
 from myomorph.lab.study.trial.trial_step import StepResults, run_step, steps_before
 from myomorph.lab.study.trial.uncertainty_file import STEP as UNCERTAINTY
 from myomorph.lab.study.trial.uncertainty_file import drawn_settings
@@ -28,6 +31,18 @@ def __getattr__(name: str) -> Callable[..., int]:
     if not name.endswith("_command"):
         raise AttributeError(name)
     return step_command(name.removesuffix("_command"))
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How a result is computed anew with errors in all inputs."""
+
+    draws: flags.DrawCount = None
+    uncertainty: flags.UncertaintyFile = None
+    workers: flags.DrawProcesses = None
+
+
+NOT_DRAWN = Drawing()
 
 
 def step_command(name: str) -> Callable[..., int]:
@@ -45,9 +60,7 @@ def step_command(name: str) -> Callable[..., int]:
         motion: Path | None = None,
         out: Path,
         inputs: Any = None,
-        draws: flags.DrawCount = None,
-        uncertainty: flags.UncertaintyFile = None,
-        workers: flags.DrawProcesses = None,
+        drawing: Drawing = NOT_DRAWN,
         options: Any = None,
         threads: flags.Threads = None,
     ) -> int:
@@ -61,7 +74,9 @@ def step_command(name: str) -> Callable[..., int]:
                 "no recording: give markers (--markers FILE), inertial sensors (--imu FILE ...), or"
                 " both"
             )
-        drawn = drawn_settings(draws, uncertainty, workers) if own.draws else {}
+        drawn = {}
+        if own.draws:
+            drawn = drawn_settings(drawing.draws, drawing.uncertainty, drawing.workers)
         trial = open_trial(files, {name: flags.settings_dict(options), **drawn})
         results = StepResults() if begins else StepResults(recorded_poses(trial))
         written = table_beside(out, name, own.table) if own.table else folder_with(out, name)
@@ -70,17 +85,19 @@ def step_command(name: str) -> Callable[..., int]:
                 results = run_step(part, trial, results, StepOutput(writer, folder))
         where = () if own.table else (f"the report lists them ('myomorph report {out}')",)
         warn((*results.notes, *trial.warnings), *where)
-        line = (
-            f"{step.title}: {len(results[Poses].recorded)} frames"
-            if own.line is None
-            else own.line(trial, results)
-        )
         limits = f"; {results[Uncertainty].summary}" if drawn else ""
-        said(f"{line}{limits}; wrote {out}")
+        said(f"{_line(step, trial, results)}{limits}; wrote {out}")
         return 0
 
     _sign(command, step, [*before, step], begins)
     return command
+
+
+def _line(step: Step[Any], trial: TrialInputs, results: StepResults) -> str:
+    """Write what a step found, in its own words if it has any."""
+    if step.command.line is None:
+        return f"{step.title}: {len(results[Poses].recorded)} frames"
+    return step.command.line(trial, results)
 
 
 def _sign(command: Any, step: Step[Any], parts: list[Step[Any]], begins: bool) -> None:
@@ -89,10 +106,11 @@ def _sign(command: Any, step: Step[Any], parts: list[Step[Any]], begins: bool) -
         (*(("markers",) if begins else ()), *(name for part in parts for name in part.inputs))
     )
     lacking = {"motion"} if begins else set()
-    lacking |= set() if step.command.draws else {"draws", "uncertainty", "workers"}
+    lacking |= set() if step.command.draws else {"drawing"}
     own = {
         "motion": flags.MotionFile,
         "out": flags.OutFile if step.command.table else flags.OutFolder,
+        "drawing": Annotated[Drawing, CliParameter(name="*")],
         "inputs": Optional[flags.inputs_class(*names)],  # noqa: UP045
         "options": Optional[flags.options_class(*step.options, leave_out=step.not_settings)],  # noqa: UP045
     }

@@ -68,27 +68,31 @@ def run_plan(plan: Plan, out: Path, running: Running) -> int:
 
 
 def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
-    """Say what a run came to, where its results are and what failed where; the exit status."""
+    """Print what a run came to, where its results are and what failed where.
+
+    The result is the exit status.
+    """
     from myomorph.lab.study.run.run import FULL
     from myomorph.lab.study.summary.study_tables import PAGE, PARQUET, has_parquet
 
     trials = [outcome for outcome in outcomes if outcome.trial]
-    failed = [outcome for outcome in outcomes if outcome.error]
-    said(
-        f"{sum(1 for trial in trials if not trial.error)} of {len(trials)} trials done; table:"
-        f" {out / 'results.csv'}"
-    )
+    done = [trial.error for trial in trials].count("")
+    said(f"{done} of {len(trials)} trials done; table: {out / 'results.csv'}")
     if not has_parquet():
         said(f"{PARQUET} is left out: pip install 'myomorph[parquet]' brings what writes it")
-    full = sum(1 for trial in trials if trial.error.startswith("not run:") and FULL in trial.error)
+    full = sum(trial.error.startswith("not run:") and FULL in trial.error for trial in trials)
     if full:
         said(f"{full} trials were not run: {FULL}")
+    failed = [outcome for outcome in outcomes if outcome.error]
+    _print_failed(failed)
+    if (out / PAGE).is_file() and all(outcome.subject for outcome in failed):
+        said(f"page: {(out / PAGE).resolve()}")
+    return status_of(outcomes)
+
+
+def _print_failed(failed: Sequence[Outcome]) -> None:
+    """Name the first jobs that failed, and count the others."""
     if failed:
         names = [named(outcome) for outcome in failed[:MAX_REMARKS]]
         more = f" and {len(failed) - len(names)} more" if len(failed) > len(names) else ""
         said(f"failed: {', '.join(names)}{more}; why stands in results.csv and study.log")
-    if (out / PAGE).is_file() and not any(
-        outcome.error for outcome in outcomes if not outcome.subject
-    ):
-        said(f"page: {(out / PAGE).resolve()}")
-    return status_of(outcomes)
