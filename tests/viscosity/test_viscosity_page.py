@@ -14,7 +14,7 @@ import pytest
 from myomorph.core.model.interval import Interval
 from myomorph.lab.report.charts.marks import Level
 from myomorph.lab.report.charts.points import Cloud, xy_plot
-from myomorph.lab.report.charts.rows import Beside, interval_bars, interval_rows
+from myomorph.lab.report.charts.rows import Beside, IntervalLook, interval_bars, interval_rows
 from myomorph.lab.report.page.parts import Note
 from myomorph.swings.viscosity.cohort import MEAN, SD, SPECIMENS, cohort
 from myomorph.swings.viscosity.report.page import viscosity_page
@@ -208,8 +208,10 @@ def test_bars_reach_their_values_and_intervals_beyond_the_chart_are_cut():
         "N",
         ["a", "b", "c"],
         values,
-        [Beside("t", "truth", np.array([1.0, np.nan, 3.0]))],
-        [Level(value=1.5, label="l", style="mean", spread=0.5)],
+        IntervalLook(
+            beside=[Beside("t", "truth", np.array([1.0, np.nan, 3.0]))],
+            levels=[Level(value=1.5, label="l", style="mean", spread=0.5)],
+        ),
     )
     heights = [float(one) for one in re.findall(r'class="bar[^>]*height="([\d.]+)"', drawn)]
     assert heights[1] == pytest.approx(2.0 * heights[0], abs=0.2)
@@ -225,7 +227,7 @@ def test_rows_place_dots_in_proportion():
         "N",
         ["a", "b"],
         [Interval(1.0, 0.5, 1.5), Interval(2.0, 1.5, 2.5)],
-        levels=[Level(1.0, "<l>", "mean")],
+        IntervalLook(levels=[Level(1.0, "<l>", "mean")]),
     )
     dots = [float(one) for one in re.findall(r'cx="([\d.]+)"', drawn)]
     line = float(re.search(r'class="level [^>]*M([\d.]+) ', drawn).group(1))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from myomorph.core.model.series import Event
 from myomorph.lab.report.charts.axis import number, scaled_unit, ticks
 from myomorph.lab.report.charts.cells import heat_map, pooled
-from myomorph.lab.report.charts.curves import Line, time_plot
+from myomorph.lab.report.charts.curves import Line, TimeLook, time_plot
 from myomorph.lab.report.charts.marks import Level, decimate, envelope
 from myomorph.lab.report.charts.points import floor_plot
 from myomorph.lab.report.charts.rows import bar_plot
@@ -112,9 +112,11 @@ def test_odd_values_still_make_a_drawing(values: np.ndarray) -> None:
             )
         ],
         (0.0, 4.0),
-        [Event(1.0, "Foot Strike", "Left"), Event(1.01, "<b>"), Event(99.0, "outside")],
-        [Level(0.5, "a < b")],
-        name_events=True,
+        TimeLook(
+            events=[Event(1.0, "Foot Strike", "Left"), Event(1.01, "<b>"), Event(99.0, "outside")],
+            levels=[Level(0.5, "a < b")],
+            name_events=True,
+        ),
     )
     ElementTree.fromstring(drawing)
 

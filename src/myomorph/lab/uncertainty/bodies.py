@@ -86,7 +86,7 @@ def drawn_model(model: Model, draw: Draw) -> Model:
     if has_drawn_paths(has) or has.strength or has.fiber_length or has.slack_length:
         parts["muscles"] = _muscles(model, draw)
     if has.wrap_radius:
-        parts["wrap_objects"] = tuple(_surface(item, draw) for item in model.wrap_objects)
+        parts["wrap_objects"] = _surfaces(model, draw)
     return replace(model, **parts) if parts else model
 
 
@@ -109,6 +109,10 @@ def _markers(model: Model, draw: Draw) -> tuple[Marker, ...]:
 def _muscles(model: Model, draw: Draw) -> tuple[Muscle, ...]:
     moves = drawn_patellae(model, draw)
     return tuple(_muscle(muscle, moves, draw) for muscle in model.muscles)
+
+
+def _surfaces(model: Model, draw: Draw) -> tuple[WrapObject, ...]:
+    return tuple(_surface(item, draw) for item in model.wrap_objects)
 
 
 def drawn_subject(model: Model, draw: Draw) -> Model:

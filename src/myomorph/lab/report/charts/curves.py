@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -91,21 +91,38 @@ def drawn_line(area: svg.Frame, curve: Line, span: tuple[float, float]) -> str:
     return under + svg.line(area, time, values, curve.style, curve.label)
 
 
+@dataclass(frozen=True, kw_only=True)
+class TimeLook:
+    """How a chart over time looks.
+
+    Attributes
+    ----------
+    events : upright lines
+    levels : horizontal lines
+    low, high : values that must be inside
+    width, height : of the chart [px]
+    name_events : whether events have their names
+    second : factor and unit of a second scale on the right, e.g. moments per kilogram
+    margin : free space on the right, so that charts above each other line up [px]
+    """
+
+    events: Sequence[Event] = ()
+    levels: Sequence[svg.Level] = ()
+    low: float | None = None
+    high: float | None = None
+    width: int = 330
+    height: int = 190
+    name_events: bool = False
+    second: tuple[float, str] | None = None
+    margin: int = 8
+
+
 def time_plot(
     title: str,
     unit: str,
     lines: Sequence[Line],
     span: tuple[float, float],
-    events: Sequence[Event] = (),
-    levels: Sequence[svg.Level] = (),
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    width: int = 330,
-    height: int = 190,
-    name_events: bool = False,
-    second: tuple[float, str] | None = None,
-    margin: int = 8,
+    look: TimeLook | None = None,
 ) -> str:
     """Draw lines over time as an `<svg>` element.
 
@@ -115,27 +132,26 @@ def time_plot(
     unit : of the values
     lines : curves over time
     span : first and last time [s]
-    events : upright lines
-    levels : horizontal lines
-    low, high : values that must be inside
-    width, height : of the chart [px]
-    name_events : whether events have their names
-    second : factor and unit of a second scale on the right, e.g. moments per kilogram
-    margin : free space on the right, so that charts above each other line up [px]
+    look : size, events, levels and scales
     """
+    look = look or TimeLook()
     first, last = span
-    top = 40.0 if name_events and events else 26.0
-    right = width - (36.0 if second else margin)
-    shown = line_limits(lines, span, low, high)
-    area = svg.frame(46.0, top, right, height - 22.0, (first, max(last, first + 1e-9)), shown, "s")
+    top = 40.0 if look.name_events and look.events else 26.0
+    right = look.width - (36.0 if look.second else look.margin)
+    shown = line_limits(lines, span, look.low, look.high)
+    area = svg.frame(
+        46.0, top, right, look.height - 22.0, (first, max(last, first + 1e-9)), shown, "s"
+    )
     tall = area.y.start - area.y.stop
     wide = area.x.stop - area.x.start
     parts = [svg.grid_up(area, max(2, min(4, int(tall / 32))))]
     parts.append(svg.grid_along(area, max(3, int(wide / 46)), lines=False, drop=14.0))
-    parts += [_second_scale(area, *second)] if second else []
-    parts += [_events(area, events, name_events), *(drawn_line(area, line, span) for line in lines)]
-    parts.append(svg.levels_across(area, levels))
-    return svg.drawing("time", title, (width, height), *parts, unit=unit, attributes=area.data)
+    parts += [_second_scale(area, *look.second)] if look.second else []
+    parts += [_events(area, look.events, look.name_events)]
+    parts += [*(drawn_line(area, line, span) for line in lines)]
+    parts.append(svg.levels_across(area, look.levels))
+    size = look.width, look.height
+    return svg.drawing("time", title, size, *parts, unit=unit, attributes=area.data)
 
 
 def _second_scale(area: svg.Frame, factor: float, unit: str) -> str:
@@ -193,14 +209,28 @@ class CycleCurve:
     each: Iterable[Array] = ()  # (samples,) curves that the mean is of, drawn thin
 
 
+@dataclass(frozen=True, kw_only=True)
+class CycleLook:
+    """What a chart over the cycle shows besides its curves.
+
+    Attributes
+    ----------
+    differs : start and stop of each bar below [%], and its words
+    height : of the chart [px]
+    upright : lines at a percent, with style
+    """
+
+    differs: Sequence[tuple[float, float, str]] = ()
+    height: int = 220
+    upright: Sequence[tuple[float, str]] = ()
+
+
 def cycle_chart(
     title: str,
     unit: str,
     curves: Sequence[CycleCurve],
     shown: Sequence[Array],
-    differs: Sequence[tuple[float, float, str]] = (),
-    height: int = 220,
-    upright: Sequence[tuple[float, str]] = (),
+    look: CycleLook | None = None,
 ) -> str:
     """Draw mean curves over the cycle with their intervals, and bars below where they differ.
 
@@ -210,15 +240,15 @@ def cycle_chart(
     unit : of the curves
     curves : means with intervals and spreads
     shown : arrays of values that must be inside; intervals beyond them are cut
-    differs : start and stop of each bar [%], and its words
-    height : of the chart [px]
-    upright : upright lines at a percent, with style
+    look : height, bars and upright lines
 
     Returns
     -------
     The chart as an `<svg>` element
     """
+    look = look or CycleLook()
     width = 330.0
+    height = look.height
     area = svg.frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")
     behind = [svg.grid_up(area), svg.grid_along(area, 4, lines=False, drop=24.0)]
     front = []
@@ -235,11 +265,11 @@ def cycle_chart(
         front.append(
             svg.line(area, percent, cycle_curve.mean, cycle_curve.style, cycle_curve.label)
         )
-    for start, stop, under in differs:
+    for start, stop, under in look.differs:
         a = float(area.x.at(start))
         b = float(area.x.at(stop))
         front.append(svg.rect("differs", a - 1.0, area.y.start + 5.0, b - a + 2.0, 5.0, under))
-    for at, style in upright:
+    for at, style in look.upright:
         path = f"M{float(area.x.at(at)):.1f} {area.y.stop:.1f}V{area.y.start:.1f}"
         behind.append(svg.mark("path", f"event {style}", d=path))
     attributes = f'{area.data} data-clock="%"'

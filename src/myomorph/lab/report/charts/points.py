@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,20 +29,41 @@ class Cloud:
     dotted: bool = False
 
 
+@dataclass(frozen=True, kw_only=True)
+class CloudLook:
+    """How a chart of clouds looks.
+
+    Attributes
+    ----------
+    width, height : of the chart [px]
+    zero : whether both axes begin at or pass 0
+    """
+
+    width: int = 330
+    height: int = 230
+    zero: bool = True
+
+
 def xy_plot(
     title: str,
     unit: str,
     x_label: str,
     clouds: Sequence[Cloud],
-    width: int = 330,
-    height: int = 230,
-    zero: bool = True,
+    look: CloudLook | None = None,
 ) -> str:
-    """Point clouds and lines over common axes, which begin at or pass 0 where `zero` is set."""
+    """Draw point clouds and lines over common axes."""
+    look = look or CloudLook()
+    width = look.width
+    height = look.height
     x = [cloud.x[np.isfinite(cloud.y)] for cloud in clouds]
     y = [cloud.y[np.isfinite(cloud.y)] for cloud in clouds]
     area = svg.frame(
-        48.0, 26.0, width - 10.0, height - 36.0, limits(x, zero=zero), limits(y, zero=zero)
+        48.0,
+        26.0,
+        width - 10.0,
+        height - 36.0,
+        limits(x, zero=look.zero),
+        limits(y, zero=look.zero),
     )
     below = svg.text((area.x.start + area.x.stop) / 2, height - 6.0, x_label, "tick x")
     parts = [
@@ -132,15 +154,29 @@ def rank_plot(
     return svg.drawing("dots", title, (width, height), *parts, unit=unit)
 
 
+@dataclass(frozen=True, kw_only=True)
+class FloorLook:
+    """How a chart of the ground looks.
+
+    Attributes
+    ----------
+    width, height : of the chart [px]
+    unit : of the points
+    one_scale : whether both axes have one scale; else each fills the chart
+    """
+
+    width: int = 330
+    height: int = 190
+    unit: str = "m"
+    one_scale: bool = True
+
+
 def floor_plot(
     title: str,
     axes: tuple[str, str],
     paths: Sequence[tuple[str, str, Array]],
     outlines: Sequence[tuple[str, Array]] = (),
-    width: int = 330,
-    height: int = 190,
-    unit: str = "m",
-    one_scale: bool = True,
+    look: FloorLook | None = None,
 ) -> str:
     """Draw paths on the ground and outlines of plates from above.
 
@@ -150,38 +186,24 @@ def floor_plot(
     axes : names, to the right and upwards
     paths : label, style and points (frames, 2) of each
     outlines : name and corners (corners, 2) of each
-    width, height : of the chart [px]
-    unit : of the points
-    one_scale : whether both axes have one scale; else each fills the chart
+    look : size, unit and scale
 
     Returns
     -------
     The chart as an `<svg>` element, "" where no point is known
     """
+    look = look or FloorLook()
     clouds = [points[np.isfinite(points).all(axis=1)] for _, _, points in paths]
     everything = [cloud for cloud in clouds if len(cloud)] + [corners for _, corners in outlines]
     if not everything:
         return ""
-    stacked = np.concatenate(everything)
-    low = stacked.min(axis=0)
-    high = stacked.max(axis=0)
-    left = 46.0
-    top = 26.0
-    right = width - 8.0
-    bottom = height - 34.0
-    least = 0.25 * max(float((high - low).max()) * 1.12, 1e-3)
-    room = np.array([right - left, bottom - top])
-    half = room / float((room / np.maximum(1.12 * (high - low), least)).min()) / 2
-    if not one_scale:
-        half = np.maximum(0.56 * (high - low), 1e-9)
-    x0, y0 = (low + high) / 2 - half
-    x1, y1 = (low + high) / 2 + half
-    area = svg.frame(left, top, right, bottom, (x0, x1), (y0, y1))
+    area = _floor_area(np.concatenate(everything), look)
+    middle = (area.x.start + area.x.stop) / 2, (area.y.start + area.y.stop) / 2
     parts = [
         svg.grid_along(area, 4, drop=13.0),
         svg.grid_up(area),
-        svg.text((left + right) / 2, bottom + 27, f"{axes[0]} →", "tick x"),
-        svg.text(11.0, (top + bottom) / 2, f"{axes[1]} →", "tick x", turned=True),
+        svg.text(middle[0], area.y.start + 27, f"{axes[0]} →", "tick x"),
+        svg.text(11.0, middle[1], f"{axes[1]} →", "tick x", turned=True),
     ]
     for label, corners in outlines:
         data = svg.path_data(area.x.at(corners[:, 0]), area.y.at(corners[:, 1]))
@@ -189,4 +211,22 @@ def floor_plot(
     for label, style, points in paths:
         shown = points[:: max(1, len(points) // 800)]
         parts.append(svg.line(area, shown[:, 0], shown[:, 1], style, label, label))
-    return svg.drawing("floor", title, (width, height), *parts, unit=unit)
+    return svg.drawing("floor", title, (look.width, look.height), *parts, unit=look.unit)
+
+
+def _floor_area(points: Array, look: FloorLook) -> svg.Frame:
+    """Make the area that holds all points (n, 2), with one scale for both axes if wanted."""
+    low = points.min(axis=0)
+    high = points.max(axis=0)
+    left = 46.0
+    top = 26.0
+    right = look.width - 8.0
+    bottom = look.height - 34.0
+    least = 0.25 * max(float((high - low).max()) * 1.12, 1e-3)
+    room = np.array([right - left, bottom - top])
+    half = room / float((room / np.maximum(1.12 * (high - low), least)).min()) / 2
+    if not look.one_scale:
+        half = np.maximum(0.56 * (high - low), 1e-9)
+    x0, y0 = (low + high) / 2 - half
+    x1, y1 = (low + high) / 2 + half
+    return svg.frame(left, top, right, bottom, (x0, x1), (y0, y1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,7 +30,7 @@ def row_frame(
     return svg.frame(left, top, width - 14.0, top + row * len(names), x)
 
 
-def named_rows(
+def _named_rows(
     kind: str,
     title: str,
     unit: str,
@@ -117,7 +118,7 @@ def bar_plot(
                 else ""
             )
         rows.append((name, _under(labels, [float(value[i]) for value in values], unit), bars))
-    return named_rows("bars", title, unit, area, rows, width, levels)
+    return _named_rows("bars", title, unit, area, rows, width, levels)
 
 
 def dot_plot(
@@ -171,7 +172,26 @@ def dot_plot(
         for at, style in reversed(list(zip(row_values, styles, strict=True))):
             marks += svg.dot(float(area.x.at(at)), y, style) if np.isfinite(at) else ""
         rows.append((name, _under(labels, row_values, unit), marks))
-    return named_rows("dots", title, unit, area, rows, width)
+    return _named_rows("dots", title, unit, area, rows, width)
+
+
+@dataclass(frozen=True, kw_only=True)
+class IntervalLook:
+    """What a chart of intervals shows besides them.
+
+    Attributes
+    ----------
+    beside : further values of the names
+    levels : lines across
+    solid : names whose dots are filled, all by default
+    signed : zero is in the middle, for values of both signs, and the chart at least 1 wide to
+        both sides
+    """
+
+    beside: Sequence[Beside] = ()
+    levels: Sequence[svg.Level] = ()
+    solid: Sequence[bool] | None = None
+    signed: bool = False
 
 
 def interval_rows(
@@ -179,58 +199,55 @@ def interval_rows(
     unit: str,
     names: Sequence[str],
     values: Sequence[Interval],
-    beside: Sequence[Beside] = (),
-    levels: Sequence[svg.Level] = (),
-    solid: Sequence[bool] | None = None,
-    signed: bool = False,
+    look: IntervalLook | None = None,
 ) -> str:
     """Draw dots with intervals in rows, and further values as upright ticks.
 
-    Intervals far beyond all values are cut. With `signed`, zero is in the middle, for values of
-    both signs, and the chart is at least 1 wide to both sides.
+    Intervals far beyond all values are cut.
     """
-    known = [dot.value for dot in values] + [level.value for level in levels]
-    known += [value for marks in beside for value in marks.values]
-    peak = max([abs(value) for value in known if np.isfinite(value)] or [0.0])
-    peak, furthest = (max(peak, 1.0), 3.0) if signed else (peak, 1.5)
-    ends = [
-        abs(end) for interval in values for end in (interval.low, interval.high) if np.isfinite(end)
-    ]
-    reach = 1.06 * max(peak, min(max(ends, default=0.0), furthest * peak)) or 1.0
+    look = look or IntervalLook()
+    reach = _reach(values, look)
     row = 17.0
-    width = 680
-    area = row_frame(
-        names, (-reach if signed else 0.0, reach), row, width, 38.0 if levels else 28.0
-    )
+    low = -reach if look.signed else 0.0
+    area = row_frame(names, (low, reach), row, 680, 38.0 if look.levels else 28.0)
     rows = []
     for i, (name, value) in enumerate(zip(names, values, strict=True)):
         y = area.y.stop + row * (i + 0.5)
-        marks = ""
-        if np.isfinite(value.low) and np.isfinite(value.high):
-            marks += _across(area, value.low, value.high, y, "whisker")
-            inside = [
-                float(area.x.at(end))
-                for end in (value.low, value.high)
-                if area.x.low <= end <= area.x.high
-            ]
-            marks += "".join(
-                svg.mark("path", "whisker", d=f"M{x:.1f} {y - 3:.1f}v6") for x in inside
-            )
-        for other in beside:
+        style = "first" if look.solid is None or look.solid[i] else "open"
+        marks = _whisker(area, value, y)
+        for other in look.beside:
             if np.isfinite(other.values[i]):
                 x = float(area.x.at(other.values[i]))
                 marks += svg.mark("path", f"tack {other.style}", d=f"M{x:.1f} {y - 5:.1f}v10")
         if np.isfinite(value.value):
-            marks += svg.dot(
-                float(area.x.cut(value.value)),
-                y,
-                "first" if solid is None or solid[i] else "open",
-                4.2,
-            )
-        rows.append(
-            (name, "; ".join([with_interval(value), *_printed(beside, i)]) + f" {unit}", marks)
-        )
-    return named_rows("rows", title, unit, area, rows, width, levels, 7 if signed else 6)
+            marks += svg.dot(float(area.x.cut(value.value)), y, style, 4.2)
+        words = "; ".join([with_interval(value), *_printed(look.beside, i)])
+        rows.append((name, f"{words} {unit}", marks))
+    count = 7 if look.signed else 6
+    return _named_rows("rows", title, unit, area, rows, 680, look.levels, count)
+
+
+def _reach(values: Sequence[Interval], look: IntervalLook) -> float:
+    """Find how far the axis reaches: to all values, and to intervals that do not go far beyond."""
+    known = [dot.value for dot in values] + [level.value for level in look.levels]
+    known += [value for marks in look.beside for value in marks.values]
+    peak = max([abs(value) for value in known if np.isfinite(value)] or [0.0])
+    peak, furthest = (max(peak, 1.0), 3.0) if look.signed else (peak, 1.5)
+    ends = [
+        abs(end) for interval in values for end in (interval.low, interval.high) if np.isfinite(end)
+    ]
+    return 1.06 * max(peak, min(max(ends, default=0.0), furthest * peak)) or 1.0
+
+
+def _whisker(area: svg.Frame, value: Interval, y: float) -> str:
+    """Draw an interval with caps at the ends that are inside the chart."""
+    if not (np.isfinite(value.low) and np.isfinite(value.high)):
+        return ""
+    inside = [
+        float(area.x.at(end)) for end in (value.low, value.high) if area.x.low <= end <= area.x.high
+    ]
+    caps = (svg.mark("path", "whisker", d=f"M{x:.1f} {y - 3:.1f}v6") for x in inside)
+    return _across(area, value.low, value.high, y, "whisker") + "".join(caps)
 
 
 def with_interval(estimate: Interval) -> str:
@@ -256,14 +273,15 @@ def interval_bars(
     unit: str,
     names: Sequence[str],
     values: Sequence[Interval | None],
-    beside: Sequence[Beside] = (),
-    levels: Sequence[svg.Level] = (),
+    look: IntervalLook | None = None,
 ) -> str:
     """Draw upright bars, one per name, each with its interval.
 
     An interval that reaches far above the rest is cut.
     """
-    top = _top(values, beside, levels)
+    look = look or IntervalLook()
+    beside = look.beside
+    top = _top(values, beside, look.levels)
     width = 330
     height = 210
     area = svg.frame(
@@ -271,7 +289,7 @@ def interval_bars(
     )
     column = (area.x.stop - area.x.start) / max(len(names), 1)
     half = min(13.0, 0.3 * column)
-    parts = [svg.grid_up(area), svg.levels_across(area, levels)]
+    parts = [svg.grid_up(area), svg.levels_across(area, look.levels)]
     for i, (name, value) in enumerate(zip(names, values, strict=True)):
         x = float(area.x.at(i + 0.5))
         known = [] if value is None else [with_interval(value)]

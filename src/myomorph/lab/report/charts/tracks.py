@@ -80,19 +80,35 @@ class Backdrop:
         return "".join(parts)
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrackLook:
+    """How a row of a stack looks.
+
+    Attributes
+    ----------
+    height : of the row [px]
+    bands : areas between two lines, known all the time
+    bars : the same, known at some instants
+    levels : horizontal lines
+    low, high : values that must be inside
+    small : one line of text, and grid lines at the ends only
+    """
+
+    height: int = 84
+    bands: Sequence[Band] = ()
+    bars: Sequence[Band] = ()
+    levels: Sequence[svg.Level] = ()
+    low: float | None = None
+    high: float | None = None
+    small: bool = False
+
+
 def draw_track(
     behind: Backdrop,
     title: str,
     unit: str,
     lines: Sequence[Line],
-    height: int = 84,
-    *,
-    bands: Sequence[Band] = (),
-    bars: Sequence[Band] = (),
-    levels: Sequence[svg.Level] = (),
-    low: float | None = None,
-    high: float | None = None,
-    small: bool = False,
+    look: TrackLook | None = None,
 ) -> str:
     """Draw one row as an `<svg>` element.
 
@@ -102,45 +118,43 @@ def draw_track(
     title : of the row
     unit : of the values
     lines : curves over time
-    height : of the row [px]
-    bands : areas between two lines, known all the time
-    bars : the same, known at some instants
-    levels : horizontal lines
-    low, high : values that must be inside
-    small : one line of text, and grid lines at the ends only
+    look : height, bands, levels and scale
     """
+    look = look or TrackLook()
     ends = [
         Line(time=limits.time, values=end, style="", label="")
-        for limits in (*bands, *bars)
+        for limits in (*look.bands, *look.bars)
         for end in (limits.low, limits.high)
     ]
-    first, last = line_limits([*lines, *ends], behind.span, low, high)
-    for level in levels:
+    first, last = line_limits([*lines, *ends], behind.span, look.low, look.high)
+    for level in look.levels:
         air = 0.05 * (last - first)
         first = min(first, level.value - air)
         last = max(last, level.value + air)
-    margin = 2.0 if small else 6.0
-    area = behind.frame(margin, height - margin, first, last)
+    margin = 2.0 if look.small else 6.0
+    area = behind.frame(margin, look.height - margin, first, last)
     parts = [
         behind.behind(area),
         svg.titled(title, unit, 2.0, (area.y.start + area.y.stop) / 2 + 4),
     ]
-    if small:
+    if look.small:
         parts += [svg.across(area, y, "grid") for y in (area.y.start, area.y.stop)]
     else:
         parts.append(svg.grid_up(area, max(3, int((area.y.start - area.y.stop) / 24))))
-    for band in bands:
+    for band in look.bands:
         time, least, most = within(behind.span, band.time, band.low, band.high)
         parts.append(svg.band(area, time, least, most, band.style))
-    for i, bar in enumerate(bars):
+    for i, bar in enumerate(look.bars):
         time, least, most = within(behind.span, bar.time, bar.low, bar.high)
         parts.append(
-            svg.intervals(area, time, least, most, bar.style, BESIDE * (i - (len(bars) - 1) / 2))
+            svg.intervals(
+                area, time, least, most, bar.style, BESIDE * (i - (len(look.bars) - 1) / 2)
+            )
         )
     parts += [drawn_line(area, line, behind.span) for line in lines]
-    parts.append(svg.levels_across(area, levels))
+    parts.append(svg.levels_across(area, look.levels))
     return svg.drawing(
-        "time track", title, (WIDTH, height), *parts, unit=None, attributes=area.data
+        "time track", title, (WIDTH, look.height), *parts, unit=None, attributes=area.data
     )
 
 

@@ -98,13 +98,11 @@ def make_scene(
     coordinates = np.ascontiguousarray(np.nan_to_num(tree.coordinates_of(motion)[chosen]))
     poses = forward_kinematics(tree, coordinates)
     solids = _solids(model, tree.body_index, surfaces or {})
-    up = model.up
-    low, high, size = _extent(poses, solids, up)
-    forward, right = _facing(model, poses, up) or _heading(model, poses, up)
+    low, high, size = _extent(poses, solids, model.up)
+    forward, right = _facing(model, poses, model.up) or _heading(model, poses, model.up)
     starts, vectors = _forces(acting.wrenches, time)
     muscles = _muscles(model, coordinates, acting.activations, time, size)
-    heights = [muscle.points @ up for muscle in muscles]
-    weight = model.weight
+    heights = [muscle.points @ model.up for muscle in muscles]
     return Scene(
         time=time,
         rotations=poses.rotations,
@@ -113,15 +111,20 @@ def make_scene(
         muscles=muscles,
         force_starts=starts,
         force_vectors=vectors,
-        weight=weight if weight > 0 else float(np.nanmax(np.abs(vectors), initial=1.0)),
-        up=up,
+        weight=_weight(model, vectors),
+        up=model.up,
         forward=forward,
         right=right,
         size=size,
         low=min([low, *(float(np.nanmin(each)) for each in heights)]),
         high=max([high, *(float(np.nanmax(each)) for each in heights)]),
-        floor=_floor(starts @ up, low, size),
+        floor=_floor(starts @ model.up, low, size),
     )
+
+
+def _weight(model: Model, forces: Array) -> float:
+    """Return the body's weight, or where it has none, the largest force component [N]."""
+    return model.weight if model.weight > 0 else float(np.nanmax(np.abs(forces), initial=1.0))
 
 
 def _floor(heights: Array, lowest: float, size: float) -> float:

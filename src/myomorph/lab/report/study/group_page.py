@@ -16,8 +16,8 @@ from myomorph.lab.analysis.conditions import Condition
 from myomorph.lab.analysis.groups import Comparison, CurveDifference
 from myomorph.lab.analysis.selection import COORDINATE_ORDER, major_muscles
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.curves import CycleCurve, cycle_chart
-from myomorph.lab.report.charts.rows import interval_rows, with_interval
+from myomorph.lab.report.charts.curves import CycleCurve, CycleLook, cycle_chart
+from myomorph.lab.report.charts.rows import IntervalLook, interval_rows, with_interval
 from myomorph.lab.report.page.page import Tile, rendered
 from myomorph.lab.report.page.parts import Figure, Grid, Note, PageHead, Section, cited
 
@@ -133,8 +133,10 @@ def effect_figure(comparison: Comparison) -> Figure:
         "Hedges’ g",
         [scalar.name for scalar in comparison.scalars],
         [Interval(scalar.g, scalar.g_low, scalar.g_high) for scalar in comparison.scalars],
-        solid=[scalar.holm < comparison.options.alpha for scalar in comparison.scalars],
-        signed=True,
+        IntervalLook(
+            solid=[scalar.holm < comparison.options.alpha for scalar in comparison.scalars],
+            signed=True,
+        ),
     )
     return Figure(drawn, "wide", "Filled where Holm’s p is small.")
 
@@ -162,7 +164,9 @@ def difference_chart(
         for group, style, label, animals in zip(groups, styles, labels, each, strict=True)
     ]
     shown = [*each[0], *each[1], *(end for group in groups for end in (group.low, group.high))]
-    return cycle_chart(curve_difference.name, unit, curves, shown, _regions(curve_difference))
+    return cycle_chart(
+        curve_difference.name, unit, curves, shown, CycleLook(differs=_regions(curve_difference))
+    )
 
 
 def effect_chart(curve_difference: CurveDifference) -> str:
@@ -171,7 +175,11 @@ def effect_chart(curve_difference: CurveDifference) -> str:
     shown = [np.zeros(1), *np.clip(ends, -MAX_EFFECT, MAX_EFFECT)]
     curves = [CycleCurve(mean=curve_difference.g, style="middle", label="g", interval=ends)]
     return cycle_chart(
-        curve_difference.name, "Hedges’ g", curves, shown, _regions(curve_difference), 190
+        curve_difference.name,
+        "Hedges’ g",
+        curves,
+        shown,
+        CycleLook(differs=_regions(curve_difference), height=190),
     )
 
 

@@ -15,9 +15,10 @@ from myomorph.lab.report.charts.axis import number, scaled_unit
 from myomorph.lab.report.charts.curves import Line
 from myomorph.lab.report.charts.marks import Level
 from myomorph.lab.report.charts.pictures import even_times, fitting, nearest_frames, picture_strip
-from myomorph.lab.report.charts.points import floor_plot
+from myomorph.lab.report.charts.points import FloorLook, floor_plot
 from myomorph.lab.report.charts.tracks import (
     Backdrop,
+    TrackLook,
     contact_graph,
     draw_track,
     phase_names,
@@ -98,7 +99,9 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     shown = [(label, style, factor * path) for label, style, path in paths]
     title = "Path over the ground, from above"
     level = not _thin([path for _, _, path in paths])
-    return floor_plot(title, ground.axes, shown, width=505, height=300, unit=unit, one_scale=level)
+    return floor_plot(
+        title, ground.axes, shown, FloorLook(width=505, height=300, unit=unit, one_scale=level)
+    )
 
 
 def _thin(paths: list[Array]) -> bool:
@@ -136,7 +139,10 @@ def _upright_path(analysis: MotionAnalysis) -> str:
     across = (analysis.axes[axis], analysis.axes[0])
     title = f"Height over {analysis.axes[axis]}"
     return floor_plot(
-        title, across, _by_stage(analysis, paths), width=505, height=300, unit="mm", one_scale=False
+        title,
+        across,
+        _by_stage(analysis, paths),
+        FloorLook(width=505, height=300, unit="mm", one_scale=False),
     )
 
 
@@ -350,7 +356,7 @@ def _heights(analysis: MotionAnalysis, behind: Backdrop) -> str:
     ]
     still = analysis.persons[0].still if len(analysis.persons) == 1 else float("nan")
     levels = [Level(factor * still, "at rest", "middle")] if np.isfinite(still) else []
-    return draw_track(behind, "Height of COG", unit, lines, 86, levels=levels)
+    return draw_track(behind, "Height of COG", unit, lines, TrackLook(height=86, levels=levels))
 
 
 def _muscles(
@@ -388,7 +394,13 @@ def _muscles(
                     )
                 )
         rows.append(
-            draw_track(behind, pair.label, "", lines, MUSCLE_ROW, low=0.0, high=top, small=True)
+            draw_track(
+                behind,
+                pair.label,
+                "",
+                lines,
+                TrackLook(height=MUSCLE_ROW, low=0.0, high=top, small=True),
+            )
         )
     return rows
 

@@ -12,11 +12,12 @@ from myomorph.lab.analysis.selection import Subject
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.curves import Line
 from myomorph.lab.report.charts.marks import Level, drawing, mark, text
-from myomorph.lab.report.charts.points import floor_plot
+from myomorph.lab.report.charts.points import FloorLook, floor_plot
 from myomorph.lab.report.charts.tracks import (
     WIDTH,
     Backdrop,
     Band,
+    TrackLook,
     draw_track,
     named_lines,
     time_axis,
@@ -104,7 +105,7 @@ def between_tracks(prepared: Prepared, behind: Backdrop, who: Sequence[Subject])
         for i, group in enumerate(groups)
     ]
     title = lines[0].label if len(lines) == 1 else "Forces between bodies"
-    return [draw_track(behind, title, "N", lines, 66, low=0.0)]
+    return [draw_track(behind, title, "N", lines, TrackLook(height=66, low=0.0))]
 
 
 def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
@@ -131,7 +132,11 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
             )
     outlines = [(plate.name, ground.seen(plate.corners)) for plate in results.recorded.plates]
     return floor_plot(
-        "Centers of pressure, from above", ground.axes, paths, outlines, width=1040, height=250
+        "Centers of pressure, from above",
+        ground.axes,
+        paths,
+        outlines,
+        FloorLook(width=1040, height=250),
     )
 
 
@@ -197,10 +202,7 @@ def _components(
             name.capitalize(),
             "N",
             lines,
-            heights[i],
-            bands=wide,
-            bars=upright,
-            levels=levels,
+            TrackLook(height=heights[i], bands=wide, bars=upright, levels=levels),
         )
         rows.append(drawn)
     return "".join([*rows, _marks(prepared, behind), time_axis(behind)])

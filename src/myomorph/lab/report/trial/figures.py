@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from myomorph.lab.analysis.phases import side_of
 from myomorph.lab.analysis.selection import Pair, muscle_rows
 from myomorph.lab.report.charts.axis import scaled_unit
 from myomorph.lab.report.charts.cells import heat_map
-from myomorph.lab.report.charts.curves import Line, time_plot
+from myomorph.lab.report.charts.curves import Line, TimeLook, time_plot
 from myomorph.lab.report.charts.marks import Level
 from myomorph.lab.report.charts.points import floor_plot
 from myomorph.lab.report.charts.rows import bar_plot
@@ -50,14 +49,16 @@ def marker_figures(
         Level(limit, f"largest: {limit:.3g} cm"),
         Level(rms_limit, f"RMS: {rms_limit:.3g} cm"),
     ]
-    shape: dict[str, Any] = {
-        "low": 0.0,
-        "high": 1.05 * limit,
-        "width": 1040,
-        "height": 200,
-        "name_events": True,
-    }
-    over_time = time_plot("Marker errors over time", "cm", lines, span, events, levels, **shape)
+    look = TimeLook(
+        events=events,
+        levels=levels,
+        low=0.0,
+        high=1.05 * limit,
+        width=1040,
+        height=200,
+        name_events=True,
+    )
+    over_time = time_plot("Marker errors over time", "cm", lines, span, look)
     limits = [Level(rms_limit, "RMS limit"), Level(limit, "limit of the maximum")]
     return [over_time, *_marker_bars(fit, limits)]
 
@@ -173,12 +174,10 @@ def force_figures(
             lines.insert(0, total)
         limits = [Level(factor * weight, "body weight")] if i == 0 and weight else []
         second = (1.0 / (factor * weight), "BW") if weight else None
-        shape: dict[str, Any] = {"low": 0.0, "width": 680, "name_events": True} if i == 0 else {}
-        result.append(
-            time_plot(
-                f"Ground force, {name}", unit, lines, span, events, limits, second=second, **shape
-            )
-        )
+        look = TimeLook(events=events, levels=limits, second=second)
+        if i == 0:
+            look = replace(look, low=0.0, width=680, name_events=True)
+        result.append(time_plot(f"Ground force, {name}", unit, lines, span, look))
     return result
 
 
@@ -282,7 +281,7 @@ def centroid_figures(com: Series, up: Array, span: Span, events: Sequence[Event]
                 unit,
                 [Line(time=com.time, values=factor * values, style="middle", label=label)],
                 span,
-                events,
+                TimeLook(events=events),
             )
         )
     return result
@@ -339,7 +338,13 @@ def residual_figures(residuals: Residuals, span: Span, events: Sequence[Event]) 
         lines = [Line(time=time, values=factor * values, style="first", label=what.lower())]
         levels = [Level(factor * limit, label)]
         result.append(
-            time_plot(what, unit, lines, span, events, levels, low=0.0, high=1.15 * factor * limit)
+            time_plot(
+                what,
+                unit,
+                lines,
+                span,
+                TimeLook(events=events, levels=levels, low=0.0, high=1.15 * factor * limit),
+            )
         )
     return result
 
@@ -408,7 +413,9 @@ def pair_panel(
                         high=high,
                     )
                 )
-    return time_plot(title, unit, lines, span, events, second=second, margin=margin)
+    return time_plot(
+        title, unit, lines, span, TimeLook(events=events, second=second, margin=margin)
+    )
 
 
 def limits_of(
@@ -512,7 +519,11 @@ def activation_panel(
     parts = max(len(members) for members in pair.members.values())
     unit = f"{parts} parts" if parts > 1 else ""
     return time_plot(
-        pair.label, unit, lines, span, events, low=0.0, high=1.0, width=245, height=140
+        pair.label,
+        unit,
+        lines,
+        span,
+        TimeLook(events=events, low=0.0, high=1.0, width=245, height=140),
     )
 
 
@@ -554,7 +565,11 @@ def emg_panel(name: str, time: Array, values: Array, span: Span, events: Sequenc
     peak = float(np.nanmax(values, initial=0.0)) if np.isfinite(values).any() else 1.0
     lines = [Line(time=time, values=values, style="emg middle", label="EMG", filled=True)]
     return time_plot(
-        name, "", lines, span, events, low=0.0, high=peak or 1.0, width=245, height=120
+        name,
+        "",
+        lines,
+        span,
+        TimeLook(events=events, low=0.0, high=peak or 1.0, width=245, height=120),
     )
 
 

@@ -19,7 +19,7 @@ from myomorph.core.tension.load_quantities import JOINT_CONTACT_LOAD, JOINT_REAC
 from myomorph.lab.analysis.cycles import band, over_cycles
 from myomorph.lab.analysis.joint_loads import own_strides, stride_loads
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.curves import CycleCurve, Line, cycle_chart, time_plot
+from myomorph.lab.report.charts.curves import CycleCurve, Line, TimeLook, cycle_chart, time_plot
 from myomorph.lab.report.page.parts import Figure, Grid, Section
 from myomorph.lab.report.trial.figures import ORDINAL, limits_of
 from myomorph.lab.report.trial.prepared import Prepared
@@ -362,7 +362,13 @@ def _chart(prepared: Prepared, found: JointLoads, load: JointLoad) -> str:
                 high=high,
             )
         )
-    return time_plot(load.title, "body weights", lines, prepared.detail, prepared.events, low=0.0)
+    return time_plot(
+        load.title,
+        "body weights",
+        lines,
+        prepared.detail,
+        TimeLook(events=prepared.events, low=0.0),
+    )
 
 
 def _over_strides(time: Array, load: JointLoad, spans: list[tuple[float, float]]) -> str:

@@ -22,7 +22,7 @@ from myomorph.lab.analysis.length_analysis import RANGE_HEAD, LengthAnalysis, ra
 from myomorph.lab.analysis.muscle_names import muscle_words
 from myomorph.lab.analysis.selection import Pair, major_muscles
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.curves import CycleCurve, Line, cycle_chart, time_plot
+from myomorph.lab.report.charts.curves import CycleCurve, Line, TimeLook, cycle_chart, time_plot
 from myomorph.lab.report.page.parts import SIDES_LEGEND, Figure, Grid, Section
 from myomorph.lab.report.trial.figures import (
     Activations,
@@ -407,7 +407,9 @@ def _fiber_charts(
     )
     for title, unit, values, labels, low in charts:
         lines = _fiber_lines(tension.time, values, labels, fibers.transient)
-        yield time_plot(title, unit, lines, prepared.detail, prepared.events, low=low)
+        yield time_plot(
+            title, unit, lines, prepared.detail, TimeLook(events=prepared.events, low=low)
+        )
 
 
 def _fiber_lines(

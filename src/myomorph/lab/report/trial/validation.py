@@ -21,7 +21,7 @@ from myomorph.core.tension.load_quantities import LOADS
 from myomorph.core.tension.quantities import ACTIVATION
 from myomorph.lab.analysis.columns import Comparison, compared
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.curves import Line, time_plot
+from myomorph.lab.report.charts.curves import Line, TimeLook, time_plot
 from myomorph.lab.report.charts.rows import dot_plot
 from myomorph.lab.report.page.parts import Figure, Grid, Section
 from myomorph.lab.report.trial.prepared import Prepared
@@ -96,7 +96,7 @@ def _chart(
                 label=name,
             )
         )
-    return time_plot(COMPONENTS[component], UNITS[component], lines, span, height=200)
+    return time_plot(COMPONENTS[component], UNITS[component], lines, span, TimeLook(height=200))
 
 
 def _grids(check: CrossValidation) -> tuple[Grid, ...]:

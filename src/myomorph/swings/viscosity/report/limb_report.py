@@ -9,7 +9,7 @@ import numpy as np
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.series import Event
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.curves import Line, time_plot
+from myomorph.lab.report.charts.curves import Line, TimeLook, time_plot
 from myomorph.lab.report.page.parts import Figure, Grid, Section
 from myomorph.swings.viscosity.relaxed.identify import UNITS, LimbResult, swung
 from myomorph.swings.viscosity.report.specimen_report import DropCurves, LimbReport
@@ -139,5 +139,9 @@ def drop_plot(drop: DropCurves) -> str:
     events = [Event(float(time), str(i + 1)) for i, time in enumerate(drop.turns[:-1:2])]
     span = float(drop.time[0]), float(drop.time[-1])
     return time_plot(
-        f"Angle, {drop.name}", "°", lines, span, events, width=1040, height=190, name_events=True
+        f"Angle, {drop.name}",
+        "°",
+        lines,
+        span,
+        TimeLook(events=events, width=1040, height=190, name_events=True),
     )

@@ -11,10 +11,10 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.interval import Interval
 from myomorph.core.model.series import Event
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.curves import Line, time_plot
+from myomorph.lab.report.charts.curves import Line, TimeLook, time_plot
 from myomorph.lab.report.charts.marks import Level
-from myomorph.lab.report.charts.points import Cloud, xy_plot
-from myomorph.lab.report.charts.rows import Beside, interval_bars, interval_rows
+from myomorph.lab.report.charts.points import Cloud, CloudLook, xy_plot
+from myomorph.lab.report.charts.rows import Beside, IntervalLook, interval_bars, interval_rows
 from myomorph.lab.report.page.parts import Figure, Grid, Section
 from myomorph.lab.report.trial.validation import UNITS
 from myomorph.swings.viscosity.identification.identify import MuscleViscosity
@@ -126,7 +126,9 @@ def swing_plot(curves: specimen_report.SwingCurves, title: str) -> str:
         )
         for column, axis in enumerate(curves.axes)
     ]
-    return time_plot(title, "°", lines, span, events, width=1040, height=190, name_events=True)
+    return time_plot(
+        title, "°", lines, span, TimeLook(events=events, width=1040, height=190, name_events=True)
+    )
 
 
 def _span(time: np.ndarray) -> tuple[float, float]:
@@ -160,7 +162,7 @@ def torque_plot(shown_condition: specimen_report.ShownCondition, axis: int, titl
         "N·m",
         "velocity [rad/s]",
         clouds,
-        width,
+        CloudLook(width=width),
     )
 
 
@@ -175,7 +177,11 @@ def wrench_plot(curves: specimen_report.SwingCurves, component: int, title: str)
         ),
     ]
     return time_plot(
-        f"{COMPONENTS[component]} {title}", UNITS[component], lines, _span(curves.time), height=170
+        f"{COMPONENTS[component]} {title}",
+        UNITS[component],
+        lines,
+        _span(curves.time),
+        TimeLook(height=170),
     )
 
 
@@ -208,7 +214,13 @@ def _muscles(specimen: SpecimenReport, order: int) -> Section | None:
     by_pcsa = muscles.by_pcsa.value * muscles.pcsa
     title = "Viscosity of each muscle, regularised"
     beside = (Beside("scaled by PCSA", "third", by_pcsa),)
-    rows = interval_rows(title, "Ns/m", muscles.muscles, muscles.by_muscle, beside, levels)
+    rows = interval_rows(
+        title,
+        "Ns/m",
+        muscles.muscles,
+        muscles.by_muscle,
+        IntervalLook(beside=beside, levels=levels),
+    )
     known = muscles.resolved
     resolved = "" if known is None else f", {known} of them to better than their size"
     lead = (
@@ -242,7 +254,11 @@ def _rank_plot(singular_values: Array) -> str:
     values = Cloud(x=numbers, y=height, style="first", label="singular values", dotted=True)
     across = "combination of muscles, best known first"
     return xy_plot(
-        "Singular values", "log₁₀ of the share of the largest", across, [values], zero=False
+        "Singular values",
+        "log₁₀ of the share of the largest",
+        across,
+        [values],
+        CloudLook(zero=False),
     )
 
 
@@ -552,7 +568,11 @@ def cohort_section(specimens: Sequence[SpecimenReport], levels: dict[str, list[L
             continue
         beside = _known_beside(specimens, name)
         bars = interval_bars(
-            where(quantity), quantity.unit, names, values, beside, levels.get(name, [])
+            where(quantity),
+            quantity.unit,
+            names,
+            values,
+            IntervalLook(beside=beside, levels=levels.get(name, [])),
         )
         figures.append(Figure(bars))
     legend = [("first", "estimate, with its 95 % interval"), ("mean", "mean and population SD")]

@@ -18,7 +18,13 @@ from myomorph.lab.movements.recorded_movement import (
 from myomorph.lab.movements.support_force import SupportForce
 from myomorph.lab.report.charts.curves import Line
 from myomorph.lab.report.charts.marks import Level
-from myomorph.lab.report.charts.tracks import Backdrop, draw_track, phase_names, time_axis
+from myomorph.lab.report.charts.tracks import (
+    Backdrop,
+    TrackLook,
+    draw_track,
+    phase_names,
+    time_axis,
+)
 
 AIR = 0.25
 """The figure begins so long before the first part and ends so long after the last one [s]."""
@@ -97,7 +103,7 @@ def _angle_tracks(recorded: RecordedMovement, behind: Backdrop) -> list[str]:
 def _track(behind: Backdrop, title: str, unit: str, time: Array, values: Array) -> str:
     """One line over time."""
     line = Line(time=time, values=values, style="middle", label=title.lower())
-    return draw_track(behind, title, unit, [line], HEIGHT // 2 + 20)
+    return draw_track(behind, title, unit, [line], TrackLook(height=HEIGHT // 2 + 20))
 
 
 def _force_track(force: SupportForce, behind: Backdrop) -> str:
@@ -113,7 +119,13 @@ def _force_track(force: SupportForce, behind: Backdrop) -> str:
     )
     levels = [Level(1.0, "body weight", "middle")]
     drawn = lines if len(lines) > 1 and _in_turn(force) else [whole, *lines]
-    return draw_track(behind, "Vertical force", "body weights", drawn, HEIGHT, levels=levels, low=0)
+    return draw_track(
+        behind,
+        "Vertical force",
+        "body weights",
+        drawn,
+        TrackLook(height=HEIGHT, levels=levels, low=0),
+    )
 
 
 def _in_turn(force: SupportForce) -> bool:
@@ -135,7 +147,11 @@ def _stance_track(numbers: MovementNumbers, behind: Backdrop) -> list[str]:
                 on[(time >= part.start) & (time <= part.stop)] = 1.0
         label = side or "contact"
         lines.append(Line(time=time, values=on, style=side or "middle", label=label, filled=True))
-    return [draw_track(behind, "On the ground", "", lines, 60, low=0.0, high=1.0, small=True)]
+    return [
+        draw_track(
+            behind, "On the ground", "", lines, TrackLook(height=60, low=0.0, high=1.0, small=True)
+        )
+    ]
 
 
 def _caption(phases: Sequence[Phase], force: SupportForce | None) -> str:
