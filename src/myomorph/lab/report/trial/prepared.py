@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Event, Motion, Series
-from myomorph.core.tension.tension import Tension
 from myomorph.lab.analysis.center_of_mass import centroid
 from myomorph.lab.analysis.gait_curves import SIDES, GaitCurves, WalkLoads, gait_curves
 from myomorph.lab.analysis.length_analysis import LengthAnalysis, length_analysis
@@ -24,6 +24,9 @@ from myomorph.lab.report.page.parts import Quantity, Verdict
 from myomorph.lab.report.trial import tables
 from myomorph.lab.report.trial.estimated_forces import contact_verdicts
 from myomorph.lab.report.trial.report_input import ReportInput
+
+if TYPE_CHECKING:
+    from myomorph.core.tension.tension import Tension
 
 MAX_CENTER_FRAMES = 40000
 MAX_PLAYED = 7.5
