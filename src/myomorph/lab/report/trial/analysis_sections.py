@@ -100,7 +100,7 @@ def _path(prepared: Prepared, analysis: MotionAnalysis) -> str:
     title = "Path over the ground, from above"
     level = not _thin([path for _, _, path in paths])
     return floor_plot(
-        title, ground.axes, shown, FloorLook(width=505, height=300, unit=unit, one_scale=level)
+        title, ground.axes, shown, look=FloorLook(width=505, height=300, unit=unit, one_scale=level)
     )
 
 
@@ -142,7 +142,7 @@ def _upright_path(analysis: MotionAnalysis) -> str:
         title,
         across,
         _by_stage(analysis, paths),
-        FloorLook(width=505, height=300, unit="mm", one_scale=False),
+        look=FloorLook(width=505, height=300, unit="mm", one_scale=False),
     )
 
 

@@ -136,7 +136,7 @@ def _floor(prepared: Prepared, groups: Sequence[Group]) -> str:
         ground.axes,
         paths,
         outlines,
-        FloorLook(width=1040, height=250),
+        look=FloorLook(width=1040, height=250),
     )
 
 
