@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from importlib.resources import files
 from typing import Any, Literal, NamedTuple
 
@@ -16,6 +16,7 @@ from myomorph.core.model.frozen_map import FrozenMap
 SIDES = {"R": "right", "L": "left"}
 # The name of the set of names in use in many laboratories, which belongs to no protocol
 COMMON = "common"
+SETS = 64  # Sets of labels whose meaning is remembered
 MIN_COUNT = 6  # So many labels of a recording must be a protocol's for the recording to follow it
 MIN_SHARE = 0.3
 """And so large a share of the protocol's landmarks must be there: some names are in every
@@ -178,8 +179,12 @@ def recognize(names: Iterable[str], table: ProtocolTable | None = None) -> Recog
     -------
     the protocol, and the labels that are known or unknown
     """
-    table = table or protocols()
-    labels = tuple(dict.fromkeys(names))
+    return _recognized(tuple(dict.fromkeys(names)), table or protocols())
+
+
+@lru_cache(maxsize=SETS)
+def _recognized(labels: tuple[str, ...], table: ProtocolTable) -> Recognized:
+    """Find what labels lie on; trials of a study have the same ones again and again."""
     protocol = find_protocol(labels, table)
     sites: dict[str, Site] = {}
     common = []
