@@ -11,10 +11,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import myomorph
+from myomorph.core.io.contact_events import read_events
 from myomorph.core.io.labels import read_labels
 from myomorph.core.io.parsing.cells import FORMULA, csv_records, csv_rows, spreadsheet_cell
 from myomorph.core.io.parsing.text import csv_text, write_csv
 from myomorph.core.model.causes import READING
+from myomorph.core.model.errors import BadData, BadFile
 from myomorph.lab.study.trial.message_table import read_messages, write_messages
 
 FOREIGN = {"people.py", "names.py", "norm_file.py", "dataset.py", "signals.py"}
@@ -69,3 +71,16 @@ def test_all_other_tables_are_read_at_one_place():
         path.name for path in sources if any(name in path.read_text("utf-8") for name in readers)
     }
     assert found == FOREIGN | {"cells.py"}
+
+
+@pytest.mark.parametrize("read", [csv_rows, csv_records])
+def test_a_cell_longer_than_any_text_is_an_error_of_the_package(read):
+    with pytest.raises(BadData, match="cells of a table cannot be told apart"):
+        list(read(["site,start,stop", f"{'x' * (csv.field_size_limit() + 1)},0,1"]))
+
+
+def test_a_table_of_contacts_with_such_a_cell_is_named(tmp_path):
+    path = tmp_path / "contacts.csv"
+    path.write_text(f"site,start,stop\n{'x' * (csv.field_size_limit() + 1)},0,1\n")
+    with pytest.raises(BadFile, match="is no table of contacts"):
+        read_events(path)

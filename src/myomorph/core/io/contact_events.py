@@ -14,7 +14,7 @@ from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.io.parsing.text import file_text, write_csv
 from myomorph.core.model.causes import CONTACT_TIMES
 from myomorph.core.model.contacts import FOREVER, Contacts, Touch
-from myomorph.core.model.errors import BadFile
+from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND
 
@@ -258,7 +258,7 @@ def _table(path: Path) -> _ContactTable:
         raise BadFile(path, "holds no table of contacts", f"expected {SHAPES}")
     _, first_line = lines[0]
     delimiter = _delimiter(first_line)
-    columns = tuple(name.lower() for name in _cells(first_line, delimiter))
+    columns = tuple(name.lower() for name in _cells(path, first_line, delimiter))
     if not _is_known_table(columns):
         names = ", ".join(name[:MAX_CHARACTERS] for name in columns[: 2 * len(COLUMNS)])
         raise BadFile(
@@ -266,7 +266,7 @@ def _table(path: Path) -> _ContactTable:
         )
     rows = []
     for number, line in lines[1:]:
-        cells = _cells(line, delimiter)
+        cells = _cells(path, line, delimiter)
         if len(cells) != len(columns):
             raise BadFile(
                 path, f"line {number} has {len(cells)} cells, the first line {len(columns)}"
@@ -287,9 +287,12 @@ def _is_known_table(columns: Sequence[str]) -> bool:
     return in_seconds != in_frames
 
 
-def _cells(line: str, delimiter: str) -> list[str]:
+def _cells(path: Path, line: str, delimiter: str) -> list[str]:
     """Split a line into cells without blanks around; quotes may hold the delimiter."""
-    return [cell.strip() for cell in next(csv_rows([line], delimiter=delimiter))]
+    try:
+        return [cell.strip() for cell in next(csv_rows([line], delimiter=delimiter), [])]
+    except BadData as error:
+        raise BadFile(path, f"is no table of contacts: {error}") from None
 
 
 def _delimiter(line: str) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import os
 import tomllib
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.io.parsing.text import file_text
-from myomorph.core.model.errors import BadFile
+from myomorph.core.model.errors import BadData, BadFile
 
 HINT = (
     'expected lines of "recorded,model" (.csv) or of recorded = "model" (.toml); an empty name'
@@ -46,7 +45,7 @@ def read_labels(path: str | os.PathLike[str]) -> dict[str, str]:
     text = file_text(path, HINT, "settings")
     try:
         result = _from_toml(path, text) if ending == ".toml" else _from_csv(path, text)
-    except csv.Error as error:
+    except BadData as error:
         raise BadFile(path, f"is no table of labels ({error})", HINT) from None
     if not result:
         raise BadFile(path, "holds no label", HINT)

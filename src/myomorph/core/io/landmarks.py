@@ -6,7 +6,6 @@ the nouns of `model`; `study` makes feature points of them.
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 import re
@@ -25,7 +24,7 @@ from myomorph.core.io.osim.setup_parts import holder_of, named_markers
 from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.io.parsing.text import file_text, number
 from myomorph.core.model.arrays import Array, frozen_array, read_only
-from myomorph.core.model.errors import BadFile, UnknownName, quoted
+from myomorph.core.model.errors import BadData, BadFile, UnknownName, quoted
 from myomorph.core.model.landmarks import LandmarkPairs
 
 MAX_NAME = 200  # Characters of a column's name in which a unit is looked for.
@@ -410,7 +409,7 @@ def _cells(path: Path, row: str, delimiter: str) -> list[str]:
     """Split a line into cells without blanks around; `BadFile` where quotes are broken."""
     try:
         return [cell.strip() for cell in next(csv_rows([row], delimiter=delimiter), [])]
-    except csv.Error as error:
+    except BadData as error:
         raise BadFile(path, f"is no table of landmarks ({error})") from None
 
 

@@ -7,7 +7,11 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Iterator, Mapping
+from typing import TypeVar
 
+from myomorph.core.model.errors import BadData
+
+Row = TypeVar("Row")
 FORMULA = ("=", "+", "-", "@", "\t", "\r")  # How a spreadsheet's formulas begin.
 
 
@@ -71,9 +75,9 @@ def csv_rows(lines: Iterable[str], delimiter: str = ",") -> Iterator[list[str]]:
 
     Raises
     ------
-    csv.Error : its quotes are broken
+    BadData : its quotes are broken, or a cell is longer than any text
     """
-    for row in csv.reader(lines, delimiter=delimiter):
+    for row in _unbroken(csv.reader(lines, delimiter=delimiter)):
         yield [plain_cell(cell) for cell in row]
 
 
@@ -87,10 +91,18 @@ def csv_records(lines: Iterable[str], delimiter: str = ",") -> Iterator[dict[str
 
     Raises
     ------
-    csv.Error : its quotes are broken
+    BadData : its quotes are broken, or a cell is longer than any text
     """
-    for row in csv.DictReader(lines, delimiter=delimiter):
+    for row in _unbroken(csv.DictReader(lines, delimiter=delimiter)):
         yield plain_record(row)
+
+
+def _unbroken(rows: Iterator[Row]) -> Iterator[Row]:
+    """Yield rows; an error of Python's reader becomes one of the package."""
+    try:
+        yield from rows
+    except csv.Error as error:
+        raise BadData(f"cells of a table cannot be told apart: {error}") from None
 
 
 def plain_record(row: Mapping[str, str]) -> dict[str, str]:

@@ -121,7 +121,7 @@ def _clock_offset(path: Path) -> float:
             rows = list(csv_records(stream))
         offsets = {file_name(row["trial"]): float(row["offset_s"]) for row in rows}
         return offsets[path.stem]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, BadData) as error:
         hint = "run the study again with --fresh"
         raise BadFile(table, f"has no clock of '{path.stem}' ({error})", hint) from error
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import difflib
 import io
 import math
@@ -15,7 +14,7 @@ from typing import Literal
 from myomorph.core.io.parsing.cells import csv_rows
 from myomorph.core.io.parsing.door import content_of
 from myomorph.core.io.parsing.named_file import is_named_file
-from myomorph.core.model.errors import BadFile, listing
+from myomorph.core.model.errors import BadData, BadFile, listing
 
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 UNITS: Mapping[str, Mapping[str, float]] = {
@@ -126,7 +125,7 @@ def _read_table(path: Path, problems: list[str]) -> _Table | None:
     delimiter = max(";\t,", key=first.count)
     try:
         rows = list(csv_rows(io.StringIO(text, newline=""), delimiter=delimiter))
-    except csv.Error as error:
+    except BadData as error:
         problems.append(f"{where}: is no table of text ({error}): save it as 'CSV UTF-8'")
         return None
     filled = [

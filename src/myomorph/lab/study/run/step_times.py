@@ -5,7 +5,6 @@ A dry run reads how long a run takes.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import json
 import math
@@ -18,7 +17,7 @@ from statistics import median_high
 
 from myomorph.core.io.parsing.cells import csv_records
 from myomorph.core.io.parsing.text import write_csv
-from myomorph.core.model.errors import BadFile
+from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.rigid.kernel_files import kernel_folder
 from myomorph.lab.store.outcome import Key, Outcome
@@ -68,7 +67,7 @@ def settings_key(settings: Mapping[str, object]) -> str:
 def read_samples(path: Path | None) -> list[Sample]:
     """Lines of the file in their order; damaged ones are passed over."""
     samples: list[Sample] = []
-    with suppress(OSError, UnicodeDecodeError, csv.Error):
+    with suppress(OSError, UnicodeDecodeError, BadData):
         for row in csv_records(
             "" if path is None else path.read_text(encoding="utf-8").splitlines()
         ):

@@ -5,7 +5,6 @@ These are CT scans of bones with their clusters, and a marked weight on the plat
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -165,7 +164,7 @@ def read_picks(path: Path) -> dict[str, Array]:
     """
     try:
         rows = list(csv_rows(content_of(path, "settings").decode("utf-8-sig").splitlines()))
-    except (UnicodeDecodeError, csv.Error):
+    except (UnicodeDecodeError, BadData):
         raise BadFile(path, "cannot be read (not text)") from None
     result: dict[str, Array] = {}
     for number, row in enumerate(rows, start=1):
