@@ -292,7 +292,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         try:
             if all(_ours(kind) for kind in sig):
                 super().save_overload(sig, data)
-                with contextlib.suppress(OSError):
+                with contextlib.suppress(OSError, ImportError, RuntimeError):
                     _store_alone(self._py_func, sig, data)
         finally:
             self.release()

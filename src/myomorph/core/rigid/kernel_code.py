@@ -16,6 +16,7 @@ import importlib.util
 import json
 import os
 import pickle
+import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
@@ -158,7 +159,9 @@ def class_name(kind: type) -> str | None:
 def kernel_name(function: Callable[..., Any]) -> str:
     """Name a kernel by its room, module, function and line."""
     module = function.__module__.removeprefix(OURS)
-    return f"{module}.{function.__qualname__}-{function.__code__.co_firstlineno}"
+    # No file name of Windows has such brackets, as of a function inside another.
+    name = re.sub("[<>]", "", function.__qualname__)
+    return f"{module}.{name}-{function.__code__.co_firstlineno}"
 
 
 def stored_code(function: Callable[..., Any], key: Key | None) -> Callable[..., Any] | None:
@@ -175,9 +178,8 @@ def stored_code(function: Callable[..., Any], key: Key | None) -> Callable[..., 
     """
     if key is None or os.environ.get(NUMBA_ALONE) or not kernel_folder().is_dir():
         return None
-    path = _code_file(function, key)
     try:
-        head, code = _read(path)
+        head, code = _read(_code_file(function, key))
         if head.kernel != kernel_name(function) or head.key != key:
             return None
         return _machine().function(function, head, code)
