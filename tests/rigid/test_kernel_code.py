@@ -199,3 +199,11 @@ def test_code_of_older_sources_is_removed(environment, tmp_path):
     after = set((tmp_path / "cache").glob("*/*.code"))
     assert len(before) == len(after) == 1
     assert before != after
+
+
+def test_code_that_an_older_version_left_for_numba_alone_is_made_anew(environment, tmp_path):
+    printed(RUN, environment)
+    for file in (tmp_path / "cache").glob("*/*.code"):
+        file.unlink()
+    printed(RUN, environment)
+    assert printed(RUN, environment)[1] == "False"

@@ -37,6 +37,7 @@ from myomorph.core.rigid.kernel_code import (
     array_name,
     class_name,
     code_digest,
+    is_stored,
     kernel_name,
     store_code,
 )
@@ -259,6 +260,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         return loaded
 
     def _from_disk(self, sig: Any, target_context: Any) -> Any:
+        key = type_key(sig)
+        if key is not None and not is_stored(self._py_func, key):
+            return None  # Left by a version that wrote no code that runs without Numba
         with contextlib.suppress(OSError, EOFError):
             return super().load_overload(sig, target_context)
         return None
@@ -299,7 +303,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
 
 def _store_alone(function: Callable[..., Any], kinds: tuple[Any, ...], compiled: Any) -> None:
-    """Store code that runs without Numba, where it can: what only kernels call has no wrapper.
+    """Store code that runs without Numba, or that it cannot: what only kernels call has no wrapper.
 
     Parameters
     ----------
@@ -314,14 +318,16 @@ def _store_alone(function: Callable[..., Any], kinds: tuple[Any, ...], compiled:
     wrapper = compiled.fndesc.llvm_cpython_wrapper_name
     inside = {symbol.name for symbol in symbols if not symbol.is_declaration}
     outside = {symbol.name for symbol in symbols if symbol.is_declaration}
-    if key is None or environments is None or wrapper not in inside or compiled.reload_init:
+    if key is None:
         return
-    _, _, (code, _) = compiled.library.serialize_using_object_code()
+    code = b""
+    if environments is not None and wrapper in inside and not compiled.reload_init:
+        _, _, (code, _) = compiled.library.serialize_using_object_code()
     head = CodeHead(
         kernel=kernel_name(function),
         key=key,
-        wrapper=wrapper,
-        environments=environments,
+        wrapper=wrapper if code else "",
+        environments=environments or (),
         symbols=sorted(name for name in outside if not name.startswith("llvm.")),
         mathematics=sorted(intrinsics.INTR_MATH),
         digest=code_digest(code),

@@ -71,7 +71,7 @@ class CodeHead(NamedTuple):
     ----------
     kernel : its module, function and line
     key : of its arguments
-    wrapper : symbol of the function that Python calls
+    wrapper : symbol of the function that Python calls; "" where the code runs through Numba alone
     environments : symbols that hold an environment, the wrapper's own first, each with the kinds
         of numbers of the arrays that it makes
     symbols : that are looked for outside
@@ -180,11 +180,22 @@ def stored_code(function: Callable[..., Any], key: Key | None) -> Callable[..., 
         return None
     try:
         head, code = _read(_code_file(function, key))
-        if head.kernel != kernel_name(function) or head.key != key:
+        if head.kernel != kernel_name(function) or head.key != key or not head.wrapper:
             return None
         return _machine().function(function, head, code)
     except (OSError, ValueError, TypeError, KeyError, ImportError, AttributeError, RuntimeError):
         return None
+
+
+def is_stored(function: Callable[..., Any], key: Key) -> bool:
+    """Whether it is on disk how a kernel runs for arguments of some types, alone or by Numba.
+
+    Parameters
+    ----------
+    function : that was compiled
+    key : of `call_key`
+    """
+    return _code_file(function, key).is_file()
 
 
 def stored_keys(function: Callable[..., Any]) -> list[Key]:
