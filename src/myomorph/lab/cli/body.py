@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from myomorph.body.shape.people import Sex
 from myomorph.lab.cli.options import documented
@@ -10,29 +14,44 @@ from myomorph.lab.cli.output import made
 
 
 @documented
-def body_command(  # page: one option each
-    *,
-    height: float,
-    out: Path,
-    chest: float | None = None,
-    sex: Sex | None = None,
-    mass: float | None = None,
-    age: float | None = None,
-) -> int:
-    """Make a person's body from height, chest, sex and mass: a model, its skin, a picture.
+@dataclass(frozen=True, kw_only=True)
+class Person:
+    """What is known of a person.
 
-    Parameters
+    Attributes
     ----------
     height : of the person [m]
-    out : model to write (.osim), with skin, tables and a report in a folder beside it; or a folder
-        for all of it
     chest : circumference of the chest at the nipples [m]; that of people alike by default
     sex : of the person
     mass : of the person [kg]; that of people alike by default
     age : in years
     """
+
+    height: float
+    chest: float | None = None
+    sex: Sex | None = None
+    mass: float | None = None
+    age: float | None = None
+
+
+@documented
+def body_command(*, person: Annotated[Person, Parameter(name="*")], out: Path) -> int:
+    """Make a person's body from height, chest, sex and mass: a model, its skin, a picture.
+
+    Parameters
+    ----------
+    person : what is known of the person
+    out : model to write (.osim), with skin, tables and a report in a folder beside it; or a folder
+        for all of it
+    """
     from myomorph.lab.study.subject.body_files import Measured, body_lines, make_body
 
-    person = Measured(height=height, chest=chest, mass=mass, sex=sex, age=age)
-    body = make_body(out, person)
+    measured = Measured(
+        height=person.height,
+        chest=person.chest,
+        mass=person.mass,
+        sex=person.sex,
+        age=person.age,
+    )
+    body = make_body(out, measured)
     return made(body.model, body.tables, body_lines(body.shape, body.segments), body.shape.notes)
