@@ -257,7 +257,11 @@ def _versions() -> str:
     import llvmlite.binding as llvm
 
     numba = hashlib.sha256((_numba_home() / "_version.py").read_bytes()).hexdigest()
-    features = llvm.get_host_cpu_features().flatten()
+    try:
+        features = llvm.get_host_cpu_features().flatten()
+    except RuntimeError:
+        # LLVM knows no features of this processor, and so uses none.
+        features = ""
     parts = (numba, sys.version, np.__version__, llvm.get_host_cpu_name(), features)
     return "\n".join(parts)
 
