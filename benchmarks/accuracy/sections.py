@@ -349,6 +349,7 @@ PAGES: dict[str, dict[str, str]] = {
         "outliers": "accuracy.laboratory.groups:measure_outliers",
         "interrupted": "accuracy.faults.interrupted:measure",
         "wrong_files": "fuzz:run",
+        "reading_times": "reading_times:run",
         "misspelt": "accuracy.laboratory.misspelt:measure",
         "bids": "accuracy.laboratory.bids:measure",
         "bids_validator": "accuracy.laboratory.bids:measure_validator",
