@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.marks import drawing, frame, grid_along, grid_up, rect, text
+from myomorph.lab.report.charts.marks import Box, drawing, frame, grid_along, grid_up, rect, text
 from myomorph.lab.report.page.page import rendered
 from myomorph.lab.report.page.parts import Figure, PageHead, Section
 
@@ -13,10 +13,12 @@ from myomorph.lab.report.page.parts import Figure, PageHead, Section
 def histogram(title, unit, values, bins=8):
     """How often values (n,) fall into even bins, as an `<svg>` element."""
     counts, edges = np.histogram(values, bins)
-    area = frame(46.0, 26.0, 322.0, 168.0, (edges[0], edges[-1]), (0.0, 1.05 * counts.max()))
+    area = frame((46.0, 26.0), (322.0, 168.0), (edges[0], edges[-1]), (0.0, 1.05 * counts.max()))
     bars = [
         rect(
-            "bar first", *corner, width, height, f"{number(low)} to {number(high)} {unit}: {count}"
+            "bar first",
+            Box(x=corner[0], y=corner[1], width=width, height=height),
+            f"{number(low)} to {number(high)} {unit}: {count}",
         )
         for corner, width, height, low, high, count in zip(
             zip(area.x.at(edges[:-1]), area.y.at(counts), strict=True),

@@ -41,7 +41,7 @@ from myomorph.core.model.errors import BadData
 from myomorph.core.model.paths import PathPoint
 from myomorph.core.surfaces.linear_maps import AffineMap, procrustes
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.rows import dot_plot
+from myomorph.lab.report.charts.rows import Rows, dot_plot
 from myomorph.lab.report.page.parts import Figure, Grid, Note, Section
 from myomorph.lab.store.progress import progress
 from myomorph.lab.store.results import provenance_of, value_source
@@ -213,7 +213,10 @@ def error_section(morph_errors: MorphErrors) -> Section:
     ]
     styles = STYLES[: len(shown)]
     plot = dot_plot(
-        "Median error of the muscle points on each bone", "mm", bodies, medians, styles, shown, 880
+        "Median error of the muscle points on each bone",
+        "mm",
+        Rows(names=bodies, values=medians, styles=styles, labels=shown),
+        880,
     )
     lead = (
         f"{len(morph_errors.points)} points of muscles, each where a map puts it, against where the"

@@ -12,7 +12,7 @@ from myomorph.forward.page_run import KINETIC, POTENTIAL, RESIDUAL, WORK, PageRu
 from myomorph.forward.shown import ShownRun
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.curves import Line, time_plot
-from myomorph.lab.report.page.page import Instant, rendered
+from myomorph.lab.report.page.page import Instant, Summary, rendered
 from myomorph.lab.report.page.parts import Figure, Grid, PageHead, Section, cited
 from myomorph.lab.report.scene.pictures import frames_to_play, pictures, player
 from myomorph.lab.report.scene.scene import Acting, make_scene
@@ -54,11 +54,13 @@ def simulation_page(
         head,
         sections,
         cited("featherstone2008", "opensim"),
-        facts=_facts(runs),
-        instants=instants,
-        motion=motion,
-        muscles_colored=bool(together.activations.names),
-        arrows="" if together.wrenches is None else "contact",
+        Summary(
+            facts=_facts(runs),
+            instants=instants,
+            motion=motion,
+            muscles_colored=bool(together.activations.names),
+            arrows="" if together.wrenches is None else "contact",
+        ),
     )
 
 

@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from myomorph.core.model.series import Event
 from myomorph.lab.report.charts.axis import number, scaled_unit, ticks
-from myomorph.lab.report.charts.cells import heat_map, pooled
+from myomorph.lab.report.charts.cells import Columns, heat_map, pooled
 from myomorph.lab.report.charts.curves import Line, TimeLook, time_plot
 from myomorph.lab.report.charts.marks import Level, decimate, envelope
 from myomorph.lab.report.charts.points import floor_plot
-from myomorph.lab.report.charts.rows import bar_plot
+from myomorph.lab.report.charts.rows import Rows, bar_plot
 from myomorph.lab.report.scene.image import HEAT, png
 
 
@@ -133,7 +133,11 @@ def test_noise_becomes_a_band() -> None:
 
 def test_bars_are_as_long_as_their_values() -> None:
     drawing = ElementTree.fromstring(
-        bar_plot("t", "cm", ["a", "b"], [np.array([2.0, 1.0])], ["first"], ["RMS"])
+        bar_plot(
+            "t",
+            "cm",
+            Rows(names=["a", "b"], values=[np.array([2.0, 1.0])], styles=["first"], labels=["RMS"]),
+        )
     )
     long, short = [float(one.get("width", "")) for one in drawing.iter() if one.tag == "rect"]
     assert long == pytest.approx(2 * short, rel=0.01)
@@ -172,7 +176,13 @@ def test_the_heat_map_shows_every_muscle() -> None:
     names = [f"m{i}_r" for i in range(30)]
     values = np.random.default_rng(0).uniform(0, 800, (50, 30))
     drawing = ElementTree.fromstring(
-        heat_map("T", "N", np.arange(50.0), values, names, [("right", np.arange(30))])
+        heat_map(
+            "T",
+            "N",
+            Columns(
+                time=np.arange(50.0), values=values, names=names, blocks=[("right", np.arange(30))]
+            ),
+        )
     )
     (image,) = [one for one in drawing.iter() if one.get("data-names")]
     assert image.get("data-names") == "|".join(names)

@@ -19,7 +19,7 @@ from myomorph.core.model.surface import Surface
 from myomorph.core.surfaces.surface_points import Shape
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.marks import across, band, drawing, frame, line, text
-from myomorph.lab.report.charts.pictures import picture_row, residual_map
+from myomorph.lab.report.charts.pictures import RowLook, picture_row, residual_map
 from myomorph.lab.report.scene.pictures import fitting_scale, pictures
 from myomorph.lab.report.scene.scene import Scene, make_scene
 from myomorph.lab.report.scene.shapes import outward, reduced
@@ -64,7 +64,10 @@ def body_figure(morph: Morph) -> str:
     )
     unit = f"{sizes} high; {'one scale' if alike else 'each at a scale of its own'}"
     return picture_row(
-        "Source and target", [picture for _, picture in order], labels, unit=unit, width=1040.0
+        "Source and target",
+        [picture for _, picture in order],
+        labels,
+        look=RowLook(unit=unit, width=1040.0),
     )
 
 
@@ -250,10 +253,8 @@ def _panel(
     first = float(values.min())
     last = float(values.max())
     area = frame(
-        x + 34,
-        y + 16,
-        x + CELL - 8,
-        y + ROW - 14,
+        (x + 34, y + 16),
+        (x + CELL - 8, y + ROW - 14),
         (first, last if last > first else first + 1),
         (low, high),
     )

@@ -18,8 +18,8 @@ from myomorph.core.model.messages import unique
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.rows import dot_plot
-from myomorph.lab.report.page.page import Tile, rendered
+from myomorph.lab.report.charts.rows import Rows, dot_plot
+from myomorph.lab.report.page.page import Summary, Tile, rendered
 from myomorph.lab.report.page.parts import (
     Figure,
     Grid,
@@ -97,8 +97,10 @@ def morph_page(
         replace(head, steps=(step,)),
         [first, *parts.further, *others],
         cited(*SOURCES),
-        facts=_facts(morph),
-        tiles=_tiles(morph, checks),
+        Summary(
+            facts=_facts(morph),
+            tiles=_tiles(morph, checks),
+        ),
     )
 
 
@@ -382,7 +384,13 @@ def muscle_section(morph: Morph) -> Section | None:
         ).T
         figures = (
             Figure(
-                dot_plot("Target over source", "", names, list(values), styles, words, 880), "full"
+                dot_plot(
+                    "Target over source",
+                    "",
+                    Rows(names=names, values=list(values), styles=styles, labels=words),
+                    880,
+                ),
+                "full",
             ),
         )
     rows = []

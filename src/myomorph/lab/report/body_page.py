@@ -8,7 +8,7 @@ import numpy as np
 
 from myomorph.body.shape.body_segments import SegmentMass, skin_owners
 from myomorph.body.shape.shape import Shape
-from myomorph.lab.report.page.page import rendered
+from myomorph.lab.report.page.page import Summary, rendered
 from myomorph.lab.report.page.parts import Figure, PageHead, Section, Sheet
 from myomorph.lab.report.scene.image import data_uri, png
 from myomorph.lab.report.scene.raster import Canvas, View
@@ -92,7 +92,7 @@ def body_page(shape: Shape, segments: Sequence[SegmentMass], head: PageHead) -> 
             sheet.grid("Mass centers and inertias about them", folded=True),
         ),
     )
-    return rendered(head, (section,), (), facts=facts)
+    return rendered(head, (section,), (), Summary(facts=facts))
 
 
 def mass_interval(shape: Shape) -> str:

@@ -9,11 +9,12 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.series import Event
 from myomorph.lab.report.charts.axis import Axis
 from myomorph.lab.report.charts.curves import event_line
 from myomorph.lab.report.charts.marks import (
+    Box,
     Frame,
     drawing,
     frame,
@@ -23,11 +24,14 @@ from myomorph.lab.report.charts.marks import (
     rect,
     shortened,
     text,
+    upright_text,
 )
 from myomorph.lab.report.scene.image import HEAT, data_uri, png
 
 MAX_COLUMNS = 700
 WIDTH = 1040
+HEAT_TOP = 38.0  # Of the first block of a heat map [px]
+HEAT_GAP = 14.0  # Between two blocks [px]
 ROW = 19.0
 LABEL = 190.0
 LEAST_LEFT = 96.0
@@ -56,83 +60,105 @@ def pooled(values: Array, max_rows: int = MAX_COLUMNS) -> Array:
     return np.where(np.isfinite(largest), largest, np.nan)
 
 
-def heat_map(
-    title: str,
-    unit: str,
-    time: Array,
-    values: Array,
-    names: Sequence[str],
-    blocks: Sequence[tuple[str, NDArray[np.int64]]],
-    events: Sequence[Event] = (),
-) -> str:
+@read_only
+class Columns:
+    """Values over time, in blocks.
+
+    Attributes
+    ----------
+    time : (frames,) [s]
+    values : (frames, columns) NaN where not known
+    names : of the columns
+    blocks : label and columns of each block; the label is a side or ""
+    """
+
+    time: Array
+    values: Array
+    names: Sequence[str]
+    blocks: Sequence[tuple[str, NDArray[np.int64]]]
+
+    @property
+    def peak(self) -> float:
+        """Largest value, 1 where none is above zero."""
+        return float(np.max(self.values, where=np.isfinite(self.values), initial=0.0)) or 1.0
+
+    @property
+    def index(self) -> NDArray[np.uint8]:
+        """Colors (rows, columns) of the values, pooled where there are many."""
+        levels = np.round(np.nan_to_num(pooled(self.values)) / self.peak * 255.0)
+        return np.clip(levels, 0, 255).astype(np.uint8)
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """First and last time [s]."""
+        first = float(self.time[0])
+        return first, max(float(self.time[-1]), first + 1e-9)
+
+
+def heat_map(title: str, unit: str, columns: Columns, events: Sequence[Event] = ()) -> str:
     """Draw many columns over time as rows of color, light for zero, in labelled blocks.
 
     Parameters
     ----------
     title : of the chart
     unit : of the values
-    time : (frames,) [s]
-    values : (frames, columns) NaN where not known
-    names : of the columns
-    blocks : label and columns of each block; the label is a side or ""
+    columns : times, values and blocks
     events : drawn over the blocks of their side
 
     Returns
     -------
     The chart as an `<svg>` element
     """
-    rows = int(sum(len(columns) for _, columns in blocks))
-    row = 10.0 if rows <= 90 else max(1.6, 900.0 / rows)
-    gap = 14.0
-    top = 38.0
+    names = columns.names
     left = max(LEAST_LEFT, 24.0 + ROW_LETTER * max(map(len, names), default=0))
     right = WIDTH - 76.0
-    peak = float(np.max(values, where=np.isfinite(values), initial=0.0)) or 1.0
-    index = np.clip(np.round(np.nan_to_num(pooled(values)) / peak * 255.0), 0, 255).astype(np.uint8)
-    span = float(time[0]), max(float(time[-1]), float(time[0]) + 1e-9)
+    peak = columns.peak
+    index = columns.index
+    row = _row_height(columns)
     parts = []
-    y = top
-    every = max(1, int(np.ceil(9.8 / row)))
-    for label, columns in blocks:
-        tall = len(columns) * row
-        area = frame(left, y, right, y + tall, span, (0.0, float(len(columns))))
-        parts += [_heat_block(area, label, [names[i] for i in columns], index[:, columns], every)]
-        # Events of the block's side, or of no side.
-        beside = [
-            event
-            for event in events
-            if not event.side or not label or event.side.lower() == label.lower()
-        ]
-        parts += [
-            event_line(area, event, "over") for event in beside if span[0] <= event.time <= span[1]
-        ]
-        y += tall + gap
-    bottom = y - gap
-    parts.append(
-        grid_along(frame(left, top, right, bottom, span, unit="s"), 9, lines=False, drop=14.0)
-    )
-    parts.append(
-        _color_bar(
-            right + 14,
-            Axis(low=0.0, high=peak, start=top + min(bottom - top, 220.0), stop=top),
-            unit,
-        )
-    )
+    y = HEAT_TOP
+    for label, block in columns.blocks:
+        below = y + len(block) * row
+        area = frame((left, y), (right, below), columns.span, (0.0, float(len(block))))
+        parts.append(_heat_block(area, label, [names[i] for i in block], index[:, block]))
+        parts += _events_beside(area, label, events)
+        y = below + HEAT_GAP
+    bottom = y - HEAT_GAP
+    whole = frame((left, HEAT_TOP), (right, bottom), columns.span, unit="s")
+    parts.append(grid_along(whole, 9, lines=False, drop=14.0))
+    start = HEAT_TOP + min(bottom - HEAT_TOP, 220.0)
+    colors = Axis(low=0.0, high=peak, start=start, stop=HEAT_TOP)
+    parts.append(_color_bar(right + 14, colors, unit))
     attributes = f'data-peak="{peak:.9g}" data-unit="{escape(unit, True)}"'
     return drawing(
         "heat", title, (WIDTH, int(bottom + 24)), *parts, unit=unit, attributes=attributes
     )
 
 
-def _heat_block(
-    area: Frame, label: str, names: Sequence[str], index: NDArray[np.uint8], every: int
-) -> str:
+def _row_height(columns: Columns) -> float:
+    """Height of a row of color [px], less where there are many."""
+    count = int(sum(len(block) for _, block in columns.blocks))
+    return 10.0 if count <= 90 else max(1.6, 900.0 / count)
+
+
+def _events_beside(area: Frame, label: str, events: Sequence[Event]) -> list[str]:
+    """Draw events of a block's side, or of no side."""
+    return [
+        event_line(area, event, "over")
+        for event in events
+        if (not event.side or not label or event.side.lower() == label.lower())
+        and area.x.low <= event.time <= area.x.high
+    ]
+
+
+def _heat_block(area: Frame, label: str, names: Sequence[str], index: NDArray[np.uint8]) -> str:
     """Draw rows of the colors `index` (frames, rows) with the block's label.
 
-    Names stand beside one row in `every`.
+    Names stand beside as many rows as have room for them.
     """
     y = area.y.stop
     tall = area.y.start - area.y.stop
+    every = max(1, int(np.ceil(9.8 / (tall / len(names)))))
     address = data_uri(png(np.ascontiguousarray(index.T), HEAT))
     listed = escape("|".join(name.replace("|", "/") for name in names), True)
     parts = [
@@ -149,14 +175,16 @@ def _heat_block(
                 "tick y row",
             )
         )
-    return "".join(parts) + (text(10.0, y + tall / 2, label, "block", turned=True) if label else "")
+    return "".join(parts) + (upright_text(10.0, y + tall / 2, label, "block") if label else "")
 
 
 def _color_bar(x: float, axis: Axis, unit: str) -> str:
     """Draw the colors of the values along an upright axis."""
     address = data_uri(png(np.arange(255, -1, -1, dtype=np.uint8)[:, None], HEAT))
     parts = [
-        image(address, x, axis.stop, 10.0, axis.start - axis.stop, stretch=True),
+        image(
+            address, Box(x=x, y=axis.stop, width=10.0, height=axis.start - axis.stop), stretch=True
+        ),
         text(x + 5, axis.stop - 5, unit, "tick x"),
     ]
     for tick in axis.ticks(5):
@@ -220,7 +248,11 @@ def _cell(cell: Cell, x: float, y: float, wide: float) -> str:
     kind = "more" if cell.value >= 0.0 else "less"
     unknown = bool(np.isnan(cell.value))
     depth = 0.0 if unknown else 0.06 + 0.68 * min(abs(cell.value), 1.0) ** 0.85
-    box = rect(f"cell {kind}", x, y + 1.0, wide, ROW - 2.0, fill_opacity=f"{depth:.2f}")
+    box = rect(
+        f"cell {kind}",
+        Box(x=x, y=y + 1.0, width=wide, height=ROW - 2.0),
+        fill_opacity=f"{depth:.2f}",
+    )
     under = f"<title>{escape(cell.under)}</title>" if cell.under else ""
     label = text(x + wide / 2, y + 13, cell.text, "tick x" if unknown else "tick x ink")
     return f"<g>{box}{label}{under}</g>"

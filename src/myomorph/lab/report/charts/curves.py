@@ -140,7 +140,7 @@ def time_plot(
     right = look.width - (36.0 if look.second else look.margin)
     shown = line_limits(lines, span, look.low, look.high)
     area = svg.frame(
-        46.0, top, right, look.height - 22.0, (first, max(last, first + 1e-9)), shown, "s"
+        (46.0, top), (right, look.height - 22.0), (first, max(last, first + 1e-9)), shown, "s"
     )
     tall = area.y.start - area.y.stop
     wide = area.x.stop - area.x.start
@@ -249,7 +249,7 @@ def cycle_chart(
     look = look or CycleLook()
     width = 330.0
     height = look.height
-    area = svg.frame(46.0, 26.0, width - 8, height - 32.0, (0.0, 100.0), limits(shown), "%")
+    area = svg.frame((46.0, 26.0), (width - 8, height - 32.0), (0.0, 100.0), limits(shown), "%")
     behind = [svg.grid_up(area), svg.grid_along(area, 4, lines=False, drop=24.0)]
     front = []
     for cycle_curve in curves:
@@ -268,7 +268,13 @@ def cycle_chart(
     for start, stop, under in look.differs:
         a = float(area.x.at(start))
         b = float(area.x.at(stop))
-        front.append(svg.rect("differs", a - 1.0, area.y.start + 5.0, b - a + 2.0, 5.0, under))
+        front.append(
+            svg.rect(
+                "differs",
+                svg.Box(x=a - 1.0, y=area.y.start + 5.0, width=b - a + 2.0, height=5.0),
+                under,
+            )
+        )
     for at, style in look.upright:
         path = f"M{float(area.x.at(at)):.1f} {area.y.stop:.1f}V{area.y.start:.1f}"
         behind.append(svg.mark("path", f"event {style}", d=path))

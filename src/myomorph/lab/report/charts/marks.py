@@ -52,19 +52,29 @@ class Level:
     spread: float = 0.0  # half width of a band around it
 
 
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """A place in a drawing: its left and upper border, and how large it is [px]."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+
+
 def frame(
-    left: float,
-    top: float,
-    right: float,
-    bottom: float,
+    left_top: tuple[float, float],
+    right_bottom: tuple[float, float],
     x: tuple[float, float] = (0.0, 1.0),
     y: tuple[float, float] = (0.0, 1.0),
     unit: str = "",
 ) -> Frame:
-    """Make the area between four borders for values within limits.
+    """Make the area between two corners for values within limits.
 
     `unit` stands behind the last tick to the right.
     """
+    left, top = left_top
+    right, bottom = right_bottom
     return Frame(
         x=Axis(low=x[0], high=x[1], start=left, stop=right, unit=unit),
         y=Axis(low=y[0], high=y[1], start=bottom, stop=top),
@@ -116,24 +126,23 @@ def mark(tag: str, kind: str, under: str = "", **attributes: str | float) -> str
     return f"{opened}><title>{escape(under)}</title></{tag}>" if under else f"{opened}/>"
 
 
-def rect(
-    kind: str, x: float, y: float, width: float, height: float, under: str = "", **further: str
-) -> str:
+def rect(kind: str, box: Box, under: str = "", **further: str) -> str:
     """Draw a filled box."""
-    return mark("rect", kind, under, x=x, y=y, width=width, height=height, **further)
-
-
-def text(
-    x: float, y: float, content: str, kind: str = "tick", under: str = "", turned: bool = False
-) -> str:
-    """Words at a position, `turned` upwards along an upright axis."""
-    position = (
-        f'transform="translate({x:.1f} {y:.1f}) rotate(-90)"'
-        if turned
-        else f'x="{x:.1f}" y="{y:.1f}"'
+    return mark(
+        "rect", kind, under, x=box.x, y=box.y, width=box.width, height=box.height, **further
     )
+
+
+def text(x: float, y: float, content: str, kind: str = "tick", under: str = "") -> str:
+    """Write words at a position."""
     title = f"<title>{escape(under)}</title>" if under else ""
-    return f'<text class="{kind}" {position}>{escape(content)}{title}</text>'
+    return f'<text class="{kind}" x="{x:.1f}" y="{y:.1f}">{escape(content)}{title}</text>'
+
+
+def upright_text(x: float, y: float, content: str, kind: str) -> str:
+    """Write words upwards along an upright axis."""
+    position = f'transform="translate({x:.1f} {y:.1f}) rotate(-90)"'
+    return f'<text class="{kind}" {position}>{escape(content)}</text>'
 
 
 def group(under: str, *parts: str, attributes: str = "") -> str:
@@ -195,7 +204,7 @@ def across(area: Frame, y: float, kind: str) -> str:
     return mark("path", kind, d=f"M{area.x.start:.1f} {y:.1f}H{area.x.stop:.1f}")
 
 
-def line(area: Frame, x: Array, y: Array, style: str, label: str = "", under: str = "") -> str:
+def line(area: Frame, x: Array, y: Array, style: str, label: str = "") -> str:
     """Draw a line through points, broken where one is NaN.
 
     Parameters
@@ -204,14 +213,30 @@ def line(area: Frame, x: Array, y: Array, style: str, label: str = "", under: st
     x, y : (n,) in the units of the axes
     style : class of the style sheet
     label : what the reading under the pointer says
-    under : what is shown under the pointer
 
     Returns
     -------
     The line as an SVG element
     """
     read = {"data_label": escape(label, True)} if label else {}
-    return mark("path", f"line {style}", under, **read, d=path_data(area.x.at(x), area.y.cut(y)))
+    return mark("path", f"line {style}", **read, d=path_data(area.x.at(x), area.y.cut(y)))
+
+
+def titled_line(area: Frame, x: Array, y: Array, style: str, under: str) -> str:
+    """Draw a line through points whose title is shown under the pointer.
+
+    Parameters
+    ----------
+    area : of the chart, with its axes
+    x, y : (n,) in the units of the axes
+    style : class of the style sheet
+    under : its title
+
+    Returns
+    -------
+    The line as an SVG element
+    """
+    return mark("path", f"line {style}", under, d=path_data(area.x.at(x), area.y.cut(y)))
 
 
 def filled(area: Frame, x: Array, y: Array, style: str) -> str:
@@ -268,7 +293,7 @@ def band(area: Frame, x: Array, low: Array, high: Array, style: str) -> str:
 
 
 def intervals(
-    area: Frame, x: Array, low: Array, high: Array, style: str, aside: float = 0.0
+    area: Frame, x: Array, limits: tuple[Array, Array], style: str, aside: float = 0.0
 ) -> str:
     """Draw an upright line from low to high at every x where they differ.
 
@@ -276,7 +301,7 @@ def intervals(
     ----------
     area : of the chart, with its axes
     x : (n,) in the unit of the axis to the right
-    low, high : (n,) in the unit of the upright axis
+    limits : (n,) low and high, in the unit of the upright axis
     style : class of the style sheet
     aside : how far to the right of x they are drawn [px]
 
@@ -284,6 +309,7 @@ def intervals(
     -------
     The lines as an SVG element
     """
+    low, high = limits
     differ = np.asarray(high) - np.asarray(low) > 1e-3 * (area.y.high - area.y.low)
     along = area.x.at(np.asarray(x)[differ]) + aside
     ends = [area.y.cut(np.asarray(values)[differ]) for values in (low, high)]
@@ -310,7 +336,8 @@ def levels_across(area: Frame, levels: Sequence[Level]) -> str:
             top = float(area.y.cut(level.value + 1 * level.spread))
             bottom = float(area.y.cut(level.value + (-1) * level.spread))
             wide = area.x.stop - area.x.start
-            parts.append(rect(f"spread {level.style}", area.x.start, top, wide, bottom - top))
+            box = Box(x=area.x.start, y=top, width=wide, height=bottom - top)
+            parts.append(rect(f"spread {level.style}", box))
         parts += [
             across(area, y, kind),
             text(area.x.stop - 3, y - 3, level.label, kind) if level.label else "",
@@ -337,21 +364,13 @@ def _level_class(level: Level) -> str:
     return "limit" if level.style == "limit" else f"level {level.style}"
 
 
-def image(
-    href: str,
-    x: float,
-    y: float,
-    width: float,
-    height: float,
-    under: str = "",
-    stretch: bool = False,
-) -> str:
+def image(href: str, box: Box, under: str = "", stretch: bool = False) -> str:
     """Draw a picture; `stretch` lets it fill its place whatever its own proportions."""
     title = f"><title>{escape(under)}</title></image>" if under else "/>"
     fit = ' preserveAspectRatio="none"' if stretch else ""
     return (
-        f'<image href="{href}" x="{x:.1f}" y="{y:.1f}" width="{width:.1f}"'
-        f' height="{height:.1f}"{fit}{title}'
+        f'<image href="{href}" x="{box.x:.1f}" y="{box.y:.1f}" width="{box.width:.1f}"'
+        f' height="{box.height:.1f}"{fit}{title}'
     )
 
 

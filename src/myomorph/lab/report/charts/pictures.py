@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.surface import Surface
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.marks import drawing, image, mark, text
+from myomorph.lab.report.charts.marks import Box, drawing, image, mark, text
 from myomorph.lab.report.charts.tracks import LEFT, RIGHT, WIDTH, Backdrop
 from myomorph.lab.report.scene.image import Bytes, data_uri, png
 from myomorph.lab.report.scene.pictures import Picture, pictures, proportion
@@ -65,7 +66,11 @@ def picture_strip(scene: Scene, behind: Backdrop, view: str = "oblique") -> str:
     for i, (picture, middle) in enumerate(zip(drawn, middles, strict=True)):
         time = number(float(scene.time[i]), 0.01)
         parts.append(
-            image(picture.address, middle - wide / 2, 0.0, wide, tall, f"The body at {time} s")
+            image(
+                picture.address,
+                Box(x=middle - wide / 2, y=0.0, width=wide, height=tall),
+                f"The body at {time} s",
+            )
         )
         parts.append(
             mark("path", "zero", d=f"M{middle:.1f} {height - 7:.1f}L{at[i]:.1f} {height:.1f}")
@@ -121,14 +126,40 @@ def nearest_frames(time: np.ndarray, good: np.ndarray, wanted: Sequence[float]) 
     return sorted({int(good[int(np.argmin(np.abs(time[good] - at)))]) for at in wanted})
 
 
+@read_only
+class Scale:
+    """Colors of pictures, and what they stand for.
+
+    Attributes
+    ----------
+    palette : (256, 3) colors
+    ends : words along them
+    """
+
+    palette: Bytes
+    ends: Sequence[str] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowLook:
+    """How a row of pictures looks.
+
+    Attributes
+    ----------
+    unit : of the title; None for no title
+    width : of the chart at most [px]
+    """
+
+    unit: str | None = None
+    width: float = 560.0
+
+
 def picture_row(
     title: str,
     drawn: Sequence[Picture],
     labels: Sequence[str] = (),
-    palette: Bytes | None = None,
-    ends: Sequence[str] = (),
-    unit: str | None = None,
-    width: float = 560.0,
+    scale: Scale | None = None,
+    look: RowLook | None = None,
 ) -> str:
     """Draw pictures side by side, with labels or a scale of their colors below.
 
@@ -137,10 +168,8 @@ def picture_row(
     title : of the chart
     drawn : the pictures
     labels : one per picture
-    palette : (256, 3) colors of the scale
-    ends : words along the scale
-    unit : of the title; None for no title
-    width : of the chart at most [px]
+    scale : of their colors; None for none
+    look : title and width
 
     Returns
     -------
@@ -148,24 +177,27 @@ def picture_row(
     """
     wide = sum(picture.width for picture in drawn)
     tall = max(picture.height for picture in drawn)
-    width = min(float(WIDTH), max(width, wide + GAP * len(drawn)))
+    look = look or RowLook()
+    width = min(float(WIDTH), max(look.width, wide + GAP * len(drawn)))
     shrink = min(1.0, (width - GAP * len(drawn)) / wide)
     gap = (width - shrink * wide) / len(drawn)
-    top = 0.0 if unit is None else 20.0
+    top = 0.0 if look.unit is None else 20.0
     bottom = top + shrink * tall
     parts = []
     x = 0.5 * gap
     for i, picture in enumerate(drawn):
         w = shrink * picture.width
         h = shrink * picture.height
-        parts.append(image(picture.address, x, top + 0.5 * (shrink * tall - h), w, h))
+        parts.append(
+            image(picture.address, Box(x=x, y=top + 0.5 * (shrink * tall - h), width=w, height=h))
+        )
         parts.append(text(x + w / 2, bottom + 14, labels[i], "tick x") if labels else "")
         x += w + gap
-    if palette is not None:
-        bar = data_uri(png(np.arange(256, dtype=np.uint8)[None], palette))
-        parts.append(color_scale(bar, width / 2 - 110, bottom + 14.0, (220.0, 9.0), ends))
-    below = (18 if labels else 0) + (46 if palette is not None else 0)
-    return drawing("body", title, (round(width), round(bottom + below)), *parts, unit=unit)
+    if scale is not None:
+        bar = data_uri(png(np.arange(256, dtype=np.uint8)[None], scale.palette))
+        parts.append(color_scale(bar, width / 2 - 110, bottom + 14.0, (220.0, 9.0), scale.ends))
+    below = (18 if labels else 0) + (46 if scale is not None else 0)
+    return drawing("body", title, (round(width), round(bottom + below)), *parts, unit=look.unit)
 
 
 def color_scale(
@@ -174,7 +206,7 @@ def color_scale(
     """Draw a bar of colors with words in even steps below it."""
     steps = zip(np.linspace(0.0, size[0], len(words)), words, strict=True)
     below = (text(x + at, y + 14 + size[1] * 2 / 3, word, "tick x") for at, word in steps)
-    return image(bar, x, y, *size, stretch=True) + "".join(below)
+    return image(bar, Box(x=x, y=y, width=size[0], height=size[1]), stretch=True) + "".join(below)
 
 
 def residual_map(title: str, unit: str, surface: Surface, distances: Array) -> str:
@@ -208,7 +240,10 @@ def residual_map(title: str, unit: str, surface: Surface, distances: Array) -> s
         wide = shrink * width
         tall = shrink * PICTURE
         parts.append(
-            image(data_uri(png(pixels)), middle - wide / 2, 22 + (PICTURE - tall) / 2, wide, tall)
+            image(
+                data_uri(png(pixels)),
+                Box(x=middle - wide / 2, y=22 + (PICTURE - tall) / 2, width=wide, height=tall),
+            )
         )
     bar = np.zeros((1, 256, 4), dtype=np.uint8)
     bar[0, :, :3] = 255 * _residual_color(np.linspace(-1.0, 1.0, 256))

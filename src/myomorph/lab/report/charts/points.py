@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.lab.report.charts import marks as svg
 from myomorph.lab.report.charts.axis import limits, number
 
+RANK_HEIGHT = 230  # Of a chart of ranks [px]
 MAX_DOTS = 700  # Points drawn; more of them would only darken the cloud.
 
 
@@ -58,10 +60,8 @@ def xy_plot(
     x = [cloud.x[np.isfinite(cloud.y)] for cloud in clouds]
     y = [cloud.y[np.isfinite(cloud.y)] for cloud in clouds]
     area = svg.frame(
-        48.0,
-        26.0,
-        width - 10.0,
-        height - 36.0,
+        (48.0, 26.0),
+        (width - 10.0, height - 36.0),
         limits(x, zero=look.zero),
         limits(y, zero=look.zero),
     )
@@ -83,7 +83,9 @@ def _cloud(area: svg.Frame, cloud: Cloud) -> str:
     x = cloud.x[keep]
     y = cloud.y[keep]
     result = (
-        svg.line(area, x, y, cloud.style, under=cloud.label) if cloud.joined or cloud.dotted else ""
+        svg.titled_line(area, x, y, cloud.style, cloud.label)
+        if cloud.joined or cloud.dotted
+        else ""
     )
     places = list(zip(area.x.at(x).tolist(), area.y.at(y).tolist(), strict=True))
     if cloud.dotted:
@@ -98,17 +100,25 @@ def _cloud(area: svg.Frame, cloud: Cloud) -> str:
     )
 
 
-def rank_plot(
-    title: str,
-    unit: str,
-    x_label: str,
-    names: Sequence[str],
-    values: Array,
-    levels: Sequence[tuple[float, str]] = (),
-    strong: np.ndarray | None = None,
-    width: int = 680,
-    height: int = 230,
-) -> str:
+@read_only
+class Ranked:
+    """Positive values that are drawn in ascending order.
+
+    Attributes
+    ----------
+    names : of the values
+    values : (n,) those that are not positive or not known are left out
+    levels : values of horizontal lines, with their labels
+    strong : (n,) values whose dots are colored; all by default
+    """
+
+    names: Sequence[str]
+    values: Array
+    levels: Sequence[tuple[float, str]] = ()
+    strong: np.ndarray | None = None
+
+
+def rank_plot(title: str, unit: str, x_label: str, ranked: Ranked, width: int = 680) -> str:
     """Draw positive values from the smallest to the largest on a logarithmic scale, one dot each.
 
     Parameters
@@ -116,24 +126,22 @@ def rank_plot(
     title : of the chart
     unit : of the values
     x_label : words below the axis
-    names : of the values
-    values : (n,) those that are not positive or not known are left out
-    levels : values of horizontal lines, with their labels
-    strong : (n,) values whose dots are colored; all by default
-    width, height : of the chart [px]
+    ranked : names, values and lines
+    width : of the chart [px]
 
     Returns
     -------
     The chart as an `<svg>` element
     """
+    values = ranked.values
     known = np.flatnonzero(np.isfinite(values) & (values > 0.0))
     order = known[np.argsort(values[known], kind="stable")]
     logs = np.log10(values[order])
-    marks = [svg.Level(float(np.log10(value)), label) for value, label in levels]
+    marks = [svg.Level(float(np.log10(value)), label) for value, label in ranked.levels]
     everything = np.concatenate([logs, [mark.value for mark in marks], [-1.0]])
     span = float(np.floor(everything.min())), float(np.ceil(everything.max() + 1e-9))
     area = svg.frame(
-        52.0, 28.0, width - 12.0, height - 34.0, (0.0, float(max(len(order) + 1, 2))), span
+        (52.0, 28.0), (width - 12.0, RANK_HEIGHT - 34.0), (0.0, float(max(len(order) + 1, 2))), span
     )
     parts = []
     powers = np.arange(int(span[0]), int(span[1]) + 1)
@@ -148,10 +156,10 @@ def rank_plot(
     parts.append(svg.text((area.x.start + area.x.stop) / 2, area.y.start + 28, x_label, "tick x"))
     parts.append(svg.levels_across(area, marks))
     for rank, (i, log) in enumerate(zip(order, logs, strict=True), 1):
-        style = "first" if strong is None or strong[i] else "middle"
-        under = f"{names[i]}: {number(float(values[i]))} {unit}"
+        style = "first" if ranked.strong is None or ranked.strong[i] else "middle"
+        under = f"{ranked.names[i]}: {number(float(values[i]))} {unit}"
         parts.append(svg.dot(float(area.x.at(rank)), float(area.y.at(log)), style, 2.2, under))
-    return svg.drawing("dots", title, (width, height), *parts, unit=unit)
+    return svg.drawing("dots", title, (width, RANK_HEIGHT), *parts, unit=unit)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,14 +211,16 @@ def floor_plot(
         svg.grid_along(area, 4, drop=13.0),
         svg.grid_up(area),
         svg.text(middle[0], area.y.start + 27, f"{axes[0]} →", "tick x"),
-        svg.text(11.0, middle[1], f"{axes[1]} →", "tick x", turned=True),
+        svg.upright_text(11.0, middle[1], f"{axes[1]} →", "tick x"),
     ]
     for label, corners in outlines:
         data = svg.path_data(area.x.at(corners[:, 0]), area.y.at(corners[:, 1]))
         parts.append(svg.mark("path", "plate", label, d=f"{data}Z"))
     for label, style, points in paths:
         shown = points[:: max(1, len(points) // 800)]
-        parts.append(svg.line(area, shown[:, 0], shown[:, 1], style, label, label))
+        data = svg.path_data(area.x.at(shown[:, 0]), area.y.cut(shown[:, 1]))
+        named = escape(label, True)
+        parts.append(svg.mark("path", f"line {style}", label, data_label=named, d=data))
     return svg.drawing("floor", title, (look.width, look.height), *parts, unit=look.unit)
 
 
@@ -229,4 +239,4 @@ def _floor_area(points: Array, look: FloorLook) -> svg.Frame:
         half = np.maximum(0.56 * (high - low), 1e-9)
     x0, y0 = (low + high) / 2 - half
     x1, y1 = (low + high) / 2 + half
-    return svg.frame(left, top, right, bottom, (x0, x1), (y0, y1))
+    return svg.frame((left, top), (right, bottom), (x0, x1), (y0, y1))

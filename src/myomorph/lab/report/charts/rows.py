@@ -27,7 +27,7 @@ def row_frame(
 ) -> svg.Frame:
     """Make the area of rows of one height under each other, with room for names at the left."""
     left = 10.0 + svg.LETTER * max((len(name) for name in names), default=1)
-    return svg.frame(left, top, width - 14.0, top + row * len(names), x)
+    return svg.frame((left, top), (width - 14.0, top + row * len(names)), x)
 
 
 def _named_rows(
@@ -65,71 +65,86 @@ def _across(area: svg.Frame, low: float, high: float, y: float, kind: str) -> st
     )
 
 
-def _under(labels: Sequence[str], values: Sequence[float], unit: str) -> str:
-    listed = ", ".join(
-        f"{label} {number(value)}" for label, value in zip(labels, values, strict=True)
-    )
-    return f"{listed} {unit}".strip()
+@read_only
+class Rows:
+    """Values by name, of one kind or several.
+
+    Attributes
+    ----------
+    names : of the rows
+    values : (names,) of each kind
+    styles : one per kind
+    labels : one per kind
+    """
+
+    names: Sequence[str]
+    values: Sequence[Array]
+    styles: Sequence[str]
+    labels: Sequence[str]
+
+    def under(self, row: int, unit: str) -> str:
+        """Write what is shown under the pointer on a row."""
+        listed = ", ".join(
+            f"{label} {number(float(kind[row]))}"
+            for label, kind in zip(self.labels, self.values, strict=True)
+        )
+        return f"{listed} {unit}".strip()
 
 
-def bar_plot(
-    title: str,
-    unit: str,
-    names: Sequence[str],
-    values: Sequence[Array],
-    styles: Sequence[str],
-    labels: Sequence[str],
-    levels: Sequence[svg.Level] = (),
-    width: int = 680,
-    peak: float = 0.0,
-) -> str:
+@dataclass(frozen=True, kw_only=True)
+class BarLook:
+    """How bars are drawn.
+
+    Attributes
+    ----------
+    levels : upright lines
+    width : of the chart [px]
+    peak : value that the scale reaches at least, so that charts share one
+    """
+
+    levels: Sequence[svg.Level] = ()
+    width: int = 680
+    peak: float = 0.0
+
+
+def bar_plot(title: str, unit: str, rows: Rows, look: BarLook | None = None) -> str:
     """Draw bars of names; several values of a name lie over each other.
 
     Parameters
     ----------
     title : of the chart
     unit : of the values
-    names : of the rows
-    values : (names,) each, the widest bars first
-    styles : one per array of values
-    labels : one per array of values
-    levels : upright lines
-    width : of the chart [px]
-    peak : value that the scale reaches at least, so that charts share one
+    rows : names and values, the kind with the widest bars first
+    look : lines, width and scale
 
     Returns
     -------
     The chart as an `<svg>` element
     """
+    look = look or BarLook()
     row = 15.0
-    highest = (float(np.nanmax(value)) for value in values if np.isfinite(value).any())
-    peak = max([peak, *highest, *(level.value for level in levels)])
-    area = row_frame(names, (0.0, 1.06 * (peak or 1.0)), row, width, 36.0 if levels else 26.0)
-    rows = []
-    for i, name in enumerate(names):
+    highest = (float(np.nanmax(value)) for value in rows.values if np.isfinite(value).any())
+    peak = max([look.peak, *highest, *(level.value for level in look.levels)])
+    top = 36.0 if look.levels else 26.0
+    area = row_frame(rows.names, (0.0, 1.06 * (peak or 1.0)), row, look.width, top)
+    drawn = []
+    for i, name in enumerate(rows.names):
         bars = ""
-        for j, (column, style) in enumerate(zip(values, styles, strict=True)):
+        for j, (column, style) in enumerate(zip(rows.values, rows.styles, strict=True)):
             thick = row - 4.0 if j == 0 else row - 9.0
             top = area.y.stop + row * (i + 0.5) - thick / 2
             wide = float(area.x.at(column[i])) - area.x.start
             bars += (
-                svg.rect(f"bar {style}", area.x.start, top, wide, thick)
+                svg.rect(f"bar {style}", svg.Box(x=area.x.start, y=top, width=wide, height=thick))
                 if np.isfinite(wide)
                 else ""
             )
-        rows.append((name, _under(labels, [float(value[i]) for value in values], unit), bars))
-    return _named_rows("bars", title, unit, area, rows, width, levels)
+        drawn.append((name, rows.under(i, unit), bars))
+    return _named_rows("bars", title, unit, area, drawn, look.width, look.levels)
 
 
 def dot_plot(
-    title: str,
-    unit: str,
-    names: Sequence[str],
-    values: Sequence[Array],
-    styles: Sequence[str],
-    labels: Sequence[str],
-    width: int = 680,
-    spread: Array | None = None,
+    title: str, unit: str, rows: Rows, width: int = 680, spread: Array | None = None
 ) -> str:
     """Draw one row per name with a dot for each of its values, joined by a line.
 
@@ -139,10 +154,7 @@ def dot_plot(
     ----------
     title : of the chart
     unit : of the values
-    names : of the rows
-    values : (names,) each
-    styles : one per array of values
-    labels : one per array of values
+    rows : names and values
     width : of the chart [px]
     spread : (names,) drawn as a bar to both sides of the first kind's dot
 
@@ -150,7 +162,8 @@ def dot_plot(
     -------
     The chart as an `<svg>` element
     """
-    half = np.zeros(len(names)) if spread is None else np.nan_to_num(spread)
+    values = rows.values
+    half = np.zeros(len(rows.names)) if spread is None else np.nan_to_num(spread)
     finite = [
         value[np.isfinite(value)] for value in (values[0] - half, values[0] + half, *values[1:])
     ]
@@ -158,21 +171,21 @@ def dot_plot(
     high = max((float(column.max(initial=0.0)) for column in finite), default=1.0) or 1.0
     air = 0.05 * (high - low)
     row = 14.0
-    area = row_frame(names, (low - air * (low < 0.0), high + air), row, width)
-    rows = []
-    for i, name in enumerate(names):
+    area = row_frame(rows.names, (low - air * (low < 0.0), high + air), row, width)
+    drawn = []
+    for i, name in enumerate(rows.names):
         row_values = [float(value[i]) for value in values]
         y = area.y.stop + row * (i + 0.5)
         known = [value for value in row_values if np.isfinite(value)]
         marks = _across(area, min(known), max(known), y, "grid") if len(known) > 1 else ""
         if half[i] > 0.0:
             marks += _across(
-                area, row_values[0] - half[i], row_values[0] + half[i], y, f"line {styles[0]}"
+                area, row_values[0] - half[i], row_values[0] + half[i], y, f"line {rows.styles[0]}"
             )
-        for at, style in reversed(list(zip(row_values, styles, strict=True))):
+        for at, style in reversed(list(zip(row_values, rows.styles, strict=True))):
             marks += svg.dot(float(area.x.at(at)), y, style) if np.isfinite(at) else ""
-        rows.append((name, _under(labels, row_values, unit), marks))
-    return _named_rows("dots", title, unit, area, rows, width)
+        drawn.append((name, rows.under(i, unit), marks))
+    return _named_rows("dots", title, unit, area, drawn, width)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -285,7 +298,7 @@ def interval_bars(
     width = 330
     height = 210
     area = svg.frame(
-        48.0, 26.0, width - 8.0, height - 24.0, (0.0, float(max(len(names), 1))), (0.0, top)
+        (48.0, 26.0), (width - 8.0, height - 24.0), (0.0, float(max(len(names), 1))), (0.0, top)
     )
     column = (area.x.stop - area.x.start) / max(len(names), 1)
     half = min(13.0, 0.3 * column)
@@ -339,10 +352,12 @@ def _bar(area: svg.Frame, estimate: Interval, x: float, half: float) -> str:
             return ""
         top = float(area.y.cut(estimate.high))
         tall = max(float(area.y.cut(estimate.low)) - top, 0.5)
-        return svg.rect("bar first soft", x - half, top, 2.0 * half, tall)
+        return svg.rect("bar first soft", svg.Box(x=x - half, y=top, width=2.0 * half, height=tall))
     y = float(area.y.cut(estimate.value))
     bottom = area.y.start
-    bar = svg.rect("bar first soft", x - half, y, 2.0 * half, max(bottom - y, 0.5))
+    bar = svg.rect(
+        "bar first soft", svg.Box(x=x - half, y=y, width=2.0 * half, height=max(bottom - y, 0.5))
+    )
     if not (
         np.isfinite(estimate.low) and np.isfinite(estimate.high) and estimate.high > estimate.low
     ):

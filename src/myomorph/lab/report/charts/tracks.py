@@ -59,7 +59,7 @@ class Backdrop:
         """Make the area of a row."""
         first, last = self.span
         return svg.frame(
-            LEFT, top, WIDTH - RIGHT, bottom, (first, max(last, first + 1e-9)), (low, high), "s"
+            (LEFT, top), (WIDTH - RIGHT, bottom), (first, max(last, first + 1e-9)), (low, high), "s"
         )
 
     def behind(self, area: svg.Frame) -> str:
@@ -71,7 +71,9 @@ class Backdrop:
             left = float(area.x.cut(phase.start))
             right = float(area.x.cut(phase.stop))
             if right - left > 0.2:
-                parts.append(svg.rect("phase", left, top, right - left, tall))
+                parts.append(
+                    svg.rect("phase", svg.Box(x=left, y=top, width=right - left, height=tall))
+                )
         parts += [
             event_line(area, event)
             for event in self.events
@@ -148,7 +150,7 @@ def draw_track(
         time, least, most = within(behind.span, bar.time, bar.low, bar.high)
         parts.append(
             svg.intervals(
-                area, time, least, most, bar.style, BESIDE * (i - (len(look.bars) - 1) / 2)
+                area, time, (least, most), bar.style, BESIDE * (i - (len(look.bars) - 1) / 2)
             )
         )
     parts += [drawn_line(area, line, behind.span) for line in lines]

@@ -35,29 +35,12 @@ class Tile:
     state: str
 
 
-def rendered(
-    head: PageHead,
-    sections: Sequence[Section],
-    references: Sequence[Reference],
-    *,
-    facts: Sequence[tuple[str, str]] = (),
-    tiles: Sequence[Tile] = (),
-    verdicts: Sequence[Verdict] = (),
-    missing: Sequence[str] = (),
-    instants: Sequence[Instant] = (),
-    motion: str = "",
-    muscles_colored: bool = False,
-    arrows: str = "",
-    pages: Sequence[Link] = (),
-    first: object | None = None,
-) -> str:
-    """Render the page of given sections as HTML text.
+@dataclass(frozen=True, kw_only=True)
+class Summary:
+    """What a page shows besides its sections.
 
-    Parameters
+    Attributes
     ----------
-    head : title, notes, warnings and provenance
-    sections : figures and tables
-    references : sources
     facts : names and values at the head
     tiles : quantities at the head
     verdicts : quantities held against limits
@@ -70,6 +53,36 @@ def rendered(
     first : what the page begins with (`answer.html.j2`), and under which its sections are folded;
         without it the head, facts and tiles stand first, and sections are open
     """
+
+    facts: Sequence[tuple[str, str]] = ()
+    tiles: Sequence[Tile] = ()
+    verdicts: Sequence[Verdict] = ()
+    missing: Sequence[str] = ()
+    instants: Sequence[Instant] = ()
+    motion: str = ""
+    muscles_colored: bool = False
+    arrows: str = ""
+    pages: Sequence[Link] = ()
+    first: object | None = None
+
+
+def rendered(
+    head: PageHead,
+    sections: Sequence[Section],
+    references: Sequence[Reference],
+    summary: Summary | None = None,
+) -> str:
+    """Render the page of given sections as HTML text.
+
+    Parameters
+    ----------
+    head : title, notes, warnings and provenance
+    sections : figures and tables
+    references : sources
+    summary : what stands around the sections
+    """
+    summary = summary or Summary()
+    verdicts = summary.verdicts
     # What is over its limit first.
     ordered = [
         _printed(verdict)
@@ -84,21 +97,21 @@ def rendered(
         head=replace(head, notes=_simulated_first(head.notes)),
         date=_date(head.date),
         script=_text("report.js"),
-        facts=facts,
-        tiles=tiles,
+        facts=summary.facts,
+        tiles=summary.tiles,
         kinds=_KINDS,
         verdicts=ordered,
         over=over,
         judged=judged,
         sections=sections,
-        missing=missing,
-        instants=instants,
-        motion=motion,
-        muscles_colored=muscles_colored,
-        arrows=arrows,
+        missing=summary.missing,
+        instants=summary.instants,
+        motion=summary.motion,
+        muscles_colored=summary.muscles_colored,
+        arrows=summary.arrows,
         references=references,
-        pages=pages,
-        first=first,
+        pages=summary.pages,
+        first=summary.first,
         checks_note=_checks_note(verdicts, judged, over),
     )
 

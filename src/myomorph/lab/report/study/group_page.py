@@ -18,7 +18,7 @@ from myomorph.lab.analysis.selection import COORDINATE_ORDER, major_muscles
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.curves import CycleCurve, CycleLook, cycle_chart
 from myomorph.lab.report.charts.rows import IntervalLook, interval_rows, with_interval
-from myomorph.lab.report.page.page import Tile, rendered
+from myomorph.lab.report.page.page import Summary, Tile, rendered
 from myomorph.lab.report.page.parts import Figure, Grid, Note, PageHead, Section, cited
 
 # References.
@@ -50,8 +50,7 @@ def group_page(comparison: Comparison, page_head: PageHead) -> str:
         page,
         [_who(comparison), *parts],
         cited(*TESTS),
-        facts=_facts(comparison),
-        tiles=_tiles(comparison),
+        Summary(facts=_facts(comparison), tiles=_tiles(comparison)),
     )
 
 

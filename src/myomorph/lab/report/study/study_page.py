@@ -16,8 +16,8 @@ from myomorph.core.model.messages import Gravity
 from myomorph.lab.analysis.conditions import OUTLIER_SCORE, Condition
 from myomorph.lab.analysis.groups import Comparison
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.points import rank_plot
-from myomorph.lab.report.page.page import Tile, rendered
+from myomorph.lab.report.charts.points import Ranked, rank_plot
+from myomorph.lab.report.page.page import Summary, Tile, rendered
 from myomorph.lab.report.page.parts import (
     Figure,
     Grid,
@@ -73,7 +73,7 @@ def study_page(study: StudyInput) -> str:
         part for sections in (_differences, _outliers, _trials, _files) for part in sections(study)
     ]
     sources = cited(*REFERENCES) if study.conditions else ()
-    return rendered(page, parts, sources, facts=_facts(study), tiles=_tiles(study))
+    return rendered(page, parts, sources, Summary(facts=_facts(study), tiles=_tiles(study)))
 
 
 def _facts(study: StudyInput) -> list[tuple[str, str]]:
@@ -220,9 +220,11 @@ def _rank_chart(trials: Sequence[TrialLine], quantity: str, title: str) -> str:
         title,
         "times its limit",
         "trials in ascending order",
-        [f"{trial.subject}, {trial.trial}" for trial, _ in with_value],
-        np.array([judged.value / (judged.limit or 1.0) for _, judged in with_value]),
-        [(1.0, "limit")],
+        Ranked(
+            names=[f"{trial.subject}, {trial.trial}" for trial, _ in with_value],
+            values=np.array([judged.value / (judged.limit or 1.0) for _, judged in with_value]),
+            levels=[(1.0, "limit")],
+        ),
     )
 
 

@@ -15,11 +15,11 @@ from myomorph.lab.analysis.muscle_names import muscle_words
 from myomorph.lab.analysis.phases import side_of
 from myomorph.lab.analysis.selection import Pair, muscle_rows
 from myomorph.lab.report.charts.axis import scaled_unit
-from myomorph.lab.report.charts.cells import heat_map
+from myomorph.lab.report.charts.cells import Columns, heat_map
 from myomorph.lab.report.charts.curves import Line, TimeLook, time_plot
 from myomorph.lab.report.charts.marks import Level
 from myomorph.lab.report.charts.points import floor_plot
-from myomorph.lab.report.charts.rows import bar_plot
+from myomorph.lab.report.charts.rows import BarLook, Rows, bar_plot
 from myomorph.lab.report.trial.tables import (
     MARKER_LARGEST,
     MARKER_RMS,
@@ -84,13 +84,13 @@ def _marker_bars(fit: KinematicsFit, limits: Sequence[Level]) -> list[str]:
         bars.append(
             bar_plot(
                 *words,
-                names,
-                [largest[part], rms[part]],
-                ["second", "first"],
-                ["largest", "RMS"],
-                limits,
-                width=505,
-                peak=peak,
+                Rows(
+                    names=names,
+                    values=[largest[part], rms[part]],
+                    styles=["second", "first"],
+                    labels=["largest", "RMS"],
+                ),
+                BarLook(levels=limits, width=505, peak=peak),
             )
         )
     return bars
@@ -591,9 +591,11 @@ def tension_map(time: Array, forces: Array, names: Sequence[str], events: Sequen
     return heat_map(
         "Muscle tension",
         unit,
-        time,
-        factor * forces,
-        [muscle_words(split_side(name)[0]) for name in names],
-        muscle_rows(names),
+        Columns(
+            time=time,
+            values=factor * forces,
+            names=[muscle_words(split_side(name)[0]) for name in names],
+            blocks=muscle_rows(names),
+        ),
         events,
     )

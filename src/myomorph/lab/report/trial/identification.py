@@ -21,9 +21,9 @@ from myomorph.core.model.series import DEFAULT_POSE
 from myomorph.core.model.surface import Surface
 from myomorph.lab.analysis.presets import plain_words, segment_words
 from myomorph.lab.report.charts.axis import number
-from myomorph.lab.report.charts.pictures import picture_row
-from myomorph.lab.report.charts.points import rank_plot
-from myomorph.lab.report.charts.rows import dot_plot
+from myomorph.lab.report.charts.pictures import Scale, picture_row
+from myomorph.lab.report.charts.points import Ranked, rank_plot
+from myomorph.lab.report.charts.rows import Rows, dot_plot
 from myomorph.lab.report.page.parts import Figure, Grid, Section, Sheet
 from myomorph.lab.report.scene.image import LEVEL, level_color
 from myomorph.lab.report.scene.pictures import pictures
@@ -93,7 +93,10 @@ def body_section(
     order = order[masses[order] >= LIGHT * masses.sum()] if len(order) > MAX_OPEN_ROWS else order
     names = [model.body_names[i] for i in order]
     plot = dot_plot(
-        "Information from the data", "%", names, [100.0 * share[order]], ["first"], ["share"], 520
+        "Information from the data",
+        "%",
+        Rows(names=names, values=[100.0 * share[order]], styles=["first"], labels=["share"]),
+        520,
     )
     figures.append(Figure(plot, "medium"))
     lead += f", masses “{identification.chosen}”"
@@ -149,10 +152,8 @@ def body_picture(model: Model, share: Array | None, surfaces: Mapping[str, Surfa
     shown = np.full(len(model.bodies), np.nan) if share is None else share
     colors = np.vstack([[0.72, 0.72, 0.72], level_color(shown)])
     drawn = pictures(scene, (560, 560), colors)
-    palette, ends = (
-        (None, ()) if share is None else (LEVEL, ("from the shape", "half", "from the data"))
-    )
-    return picture_row("The identified body", drawn, palette=palette, ends=ends)
+    known = Scale(palette=LEVEL, ends=("from the shape", "half", "from the data"))
+    return picture_row("The identified body", drawn, scale=None if share is None else known)
 
 
 def mass_section(identification: Identification) -> Section:
@@ -164,7 +165,10 @@ def mass_section(identification: Identification) -> Section:
     names = [bodies[i] for i in shown]
     values = [mass[shown] for mass in masses.values()]
     plot = dot_plot(
-        "Mass of each link", "kg", names, values, STYLES[: len(masses)], list(masses), 880
+        "Mass of each link",
+        "kg",
+        Rows(names=names, values=values, styles=STYLES[: len(masses)], labels=list(masses)),
+        880,
     )
     sheet = tables.link_sheet(identification)
     keep = [sheet.head.index(name) for name in ("link", "mass [kg]", "share from the data")] + [
@@ -274,9 +278,14 @@ def base_section(identification: Identification) -> Section:
     base = identification.base
     names = base.base.names
     identifiable = base.identifiable
-    limits = [(WELL_KNOWN, "10 %"), (1.0, "as large as the parameter")]
     words = ("Relative standard deviation", "of the value", "base parameters, best known first")
-    plot = rank_plot(*words, names, base.relative_sd, limits, identifiable, 880)
+    ranked = Ranked(
+        names=names,
+        values=base.relative_sd,
+        levels=[(WELL_KNOWN, "10 %"), (1.0, "as large as the parameter")],
+        strong=identifiable,
+    )
+    plot = rank_plot(*words, ranked, 880)
     residual = tuple(
         f"{number(float(rms))} {unit}" for unit, rms in zip(UNITS, base.residual_rms, strict=True)
     )

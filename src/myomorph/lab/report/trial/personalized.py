@@ -16,6 +16,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.errors import few
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.marks import (
+    Box,
     Frame,
     dot,
     drawing,
@@ -73,12 +74,12 @@ def fiber_ranges(names: Sequence[str], before: Array, after: Array) -> str:
     height = ROW * len(names)
     low = min(0.4, float(np.min([before, after])))
     high = max(1.6, float(np.max([before, after])))
-    area = frame(LEFT, 24.0, LEFT + WIDTH, 24.0 + height, (low, high), (0.0, float(len(names))))
+    area = frame((LEFT, 24.0), (LEFT + WIDTH, 24.0 + height), (low, high), (0.0, float(len(names))))
     marks = []
     left_limit, right_limit = PHYSIOLOGICAL
     left = float(area.x.at(left_limit))
     right = float(area.x.at(right_limit))
-    marks.append(rect("spread", left, 24.0, right - left, height))
+    marks.append(rect("spread", Box(x=left, y=24.0, width=right - left, height=height)))
     marks.append(grid_along(area, 6))
     for index, name in enumerate(names):
         y = 24.0 + ROW * (index + 0.5)

@@ -13,7 +13,7 @@ from myomorph.core.model.movement import Movement
 from myomorph.core.model.series import Motion
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.pictures import nearest_frames
-from myomorph.lab.report.page.page import Instant, Tile, rendered
+from myomorph.lab.report.page.page import Instant, Summary, Tile, rendered
 from myomorph.lab.report.page.parts import Link, Quantity, State, listed
 from myomorph.lab.report.scene.pictures import frames_to_play, pictures, player, proportion
 from myomorph.lab.report.scene.scene import Acting, Scene, make_scene
@@ -56,16 +56,18 @@ def prepared_page(prepared: Prepared, answer: Answer | None = None) -> str:
         results.head,
         parts,
         listed(_cited(prepared, [part.key for part in parts])),
-        facts=_facts(prepared),
-        tiles=_tiles(prepared),
-        verdicts=prepared.verdicts,
-        missing=missing,
-        instants=instants,
-        motion=motion,
-        muscles_colored=results.tension is not None,
-        arrows="" if acting_forces(results) is None else forces,
-        pages=() if prepared.gait is None else (Link("Gait on one page", GAIT_PAGE),),
-        first=None if answer.result is None else first_screen(prepared, answer),
+        Summary(
+            facts=_facts(prepared),
+            tiles=_tiles(prepared),
+            verdicts=prepared.verdicts,
+            missing=missing,
+            instants=instants,
+            motion=motion,
+            muscles_colored=results.tension is not None,
+            arrows="" if acting_forces(results) is None else forces,
+            pages=() if prepared.gait is None else (Link("Gait on one page", GAIT_PAGE),),
+            first=None if answer.result is None else first_screen(prepared, answer),
+        ),
     )
 
 

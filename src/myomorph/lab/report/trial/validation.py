@@ -22,7 +22,7 @@ from myomorph.core.tension.quantities import ACTIVATION
 from myomorph.lab.analysis.columns import Comparison, compared
 from myomorph.lab.report.charts.axis import number
 from myomorph.lab.report.charts.curves import Line, TimeLook, time_plot
-from myomorph.lab.report.charts.rows import dot_plot
+from myomorph.lab.report.charts.rows import Rows, dot_plot
 from myomorph.lab.report.page.parts import Figure, Grid, Section
 from myomorph.lab.report.trial.prepared import Prepared
 from myomorph.lab.uncertainty.sources import SourceSize
@@ -212,7 +212,13 @@ def _length_chart(lengths: Sequence[tuple[str, float, float, float]]) -> Iterato
         names = [name for name, *_ in lengths]
         change = np.array([1000.0 * (after - before) for _, before, after, _ in lengths])
         sd = np.array([1000.0 * sd for *_, sd in lengths])
-        yield dot_plot("Change of lengths", "mm", names, [change], ("first",), ("change",), 520, sd)
+        yield dot_plot(
+            "Change of lengths",
+            "mm",
+            Rows(names=names, values=[change], styles=("first",), labels=("change",)),
+            520,
+            sd,
+        )
 
 
 def _marker_chart(calibration: Calibration) -> Iterator[str]:
@@ -223,7 +229,12 @@ def _marker_chart(calibration: Calibration) -> Iterator[str]:
         )
         moved = dict(sorted(shifts, key=lambda shift: -shift[1])[:MAX_MARKERS])
         far = [1000.0 * np.array(list(moved.values()))]
-        yield dot_plot("Marker displacements", "mm", list(moved), far, ("third",), ("moved",), 520)
+        yield dot_plot(
+            "Marker displacements",
+            "mm",
+            Rows(names=list(moved), values=far, styles=("third",), labels=("moved",)),
+            520,
+        )
 
 
 def _zero_row(zero: ZeroAngle) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from myomorph.core.model.messages import Message, as_message
 from myomorph.lab.report.charts.marks import Level
-from myomorph.lab.report.page.page import Tile, rendered
+from myomorph.lab.report.page.page import Summary, Tile, rendered
 from myomorph.lab.report.page.parts import Note, PageHead, Reference, Section, cited
 from myomorph.swings.viscosity.cohort import STROEVE_TOTAL_VISCOSITY, CohortLine, cohort
 from myomorph.swings.viscosity.relaxed.drops import SILENT
@@ -41,7 +41,7 @@ def viscosity_page(viscosity_input: ViscosityInput) -> str:
     lines = {line.quantity.name: line for line in cohort([each.row for each in shown.done])}
     tiles = _tiles(lines) + _limb_tiles(shown)
     return rendered(
-        head, _sections(shown, lines), _sources(shown), facts=_facts(shown), tiles=tiles
+        head, _sections(shown, lines), _sources(shown), Summary(facts=_facts(shown), tiles=tiles)
     )
 
 

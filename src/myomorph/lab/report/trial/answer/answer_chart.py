@@ -38,7 +38,7 @@ class Printed:
 
 def answer_chart(curve: AnswerCurve, result: MainResult, last: bool) -> str:
     """Return the chart of one curve; the last one names the axis; time is named by the note."""
-    area = svg.frame(LEFT, TOP, WIDTH - RIGHT, HEIGHT - BOTTOM, _span(curve), _limits(curve))
+    area = svg.frame((LEFT, TOP), (WIDTH - RIGHT, HEIGHT - BOTTOM), _span(curve), _limits(curve))
     parts = [svg.grid_up(area, 3)]
     parts += [_pose(area, number_of, pose) for number_of, pose in enumerate(result.poses, 1)]
     parts.append(_lift(area, result.lift, result.poses))
@@ -151,7 +151,7 @@ def _value(printed: Printed) -> str:
     """Return a mark with its value: round on the right side, square on the left."""
     x = printed.x
     if printed.side == "left":
-        mark = svg.rect("mark left", x - 3.2, printed.y - 3.2, 6.4, 6.4)
+        mark = svg.rect("mark left", svg.Box(x=x - 3.2, y=printed.y - 3.2, width=6.4, height=6.4))
         return mark + svg.text(x - 6.0, printed.y - 5.0, printed.text, "value left end")
     mark = svg.dot(x, printed.y, printed.side, 3.6)
     return mark + svg.text(x + 6.0, printed.y - 5.0, printed.text, f"value {printed.side} start")

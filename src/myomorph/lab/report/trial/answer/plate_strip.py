@@ -37,7 +37,7 @@ def plate_strip(stances: Sequence[FootStance], span: Span) -> str:
     if not sides:
         return ""
     height = TOP + ROW * len(sides) + BOTTOM
-    area = svg.frame(LEFT, TOP, WIDTH - 8.0, height - BOTTOM, span, unit="s")
+    area = svg.frame((LEFT, TOP), (WIDTH - 8.0, height - BOTTOM), span, unit="s")
     parts = [svg.grid_along(area, 10, lines=False, drop=14.0)]
     for row, side in enumerate(sides):
         y = TOP + ROW * (row + 0.5)
@@ -62,7 +62,7 @@ def _box(area: svg.Frame, y: float, start: float, stop: float, kind: str) -> str
     """Return a bar over a stretch of time."""
     left = float(area.x.cut(start))
     width = max(float(area.x.cut(stop)) - left, 1.0)
-    return svg.rect(kind, left, y - 0.5 * BAR, width, BAR)
+    return svg.rect(kind, svg.Box(x=left, y=y - 0.5 * BAR, width=width, height=BAR))
 
 
 def _described(stances: Sequence[FootStance]) -> str:

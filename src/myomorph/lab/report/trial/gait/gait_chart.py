@@ -91,7 +91,7 @@ def gait_chart(
         return ""
     axis = axis.holding(np.concatenate([line.shown for line in lines]))
     limits = (axis.low, axis.high)
-    area = svg.frame(LEFT, TOP, WIDTH - RIGHT, HEIGHT - BOTTOM, (0.0, 100.0), limits)
+    area = svg.frame((LEFT, TOP), (WIDTH - RIGHT, HEIGHT - BOTTOM), (0.0, 100.0), limits)
     parts = [svg.grid_up(area), svg.grid_along(area, 4, lines=False, drop=13.0)]
     if norm is not None:
         parts.append(_norm(area, norm))
