@@ -46,85 +46,98 @@ def test_slopes_and_curvatures_of_the_rates_are_their_differences(smooth):
         )
 
 
+def _costs(number, shape, high):
+    """Return costs of unknowns between bounds on both sides of zero."""
+    zero = np.zeros(number)
+    return Costs(
+        weight=zero + 1.0,
+        exponent=zero + 2.0,
+        lower=zero - high,
+        upper=zero + high,
+        penalty=np.zeros((3, *shape)),
+        share=np.ones((shape[0], 1)),
+    )
+
+
+FRAMES = 4
+COUNT = 3  # Of muscles
+ROWS = 3  # Of the balance
+OTHERS = 2
+SIZES = [
+    (FRAMES, COUNT),
+    (FRAMES - 1, COUNT),
+    (FRAMES, OTHERS),
+    (FRAMES - 1, COUNT),
+    (FRAMES, ROWS),
+]
+"""Shapes of forces, activations, others, multipliers of equilibrium and of the balance."""
+
+
+def _small_solver():
+    """Return a solver of three muscles on elastic tendons over four frames."""
+    E = arrays("Thelen2003Muscle", 3)
+    rng = np.random.default_rng(1)
+    f, a, x = [rng.uniform(0.3, 0.6, shape) for shape in SIZES[:3]]
+    program = Program(
+        arrays=E,
+        own=np.arange(COUNT),
+        steps=np.full(FRAMES - 1, 0.02),
+        lengths=E.hill.tendon + 1.1 * E.hill.fiber + np.zeros_like(a),
+        speeds=np.zeros_like(a),
+        pulls=30.0 * rng.normal(size=(FRAMES, ROWS, COUNT)),
+        columns=rng.normal(size=(FRAMES, ROWS, OTHERS)),
+        right=rng.normal(size=(FRAMES, ROWS)),
+        activation=_costs(COUNT, a.shape, 1.0),
+        other=_costs(OTHERS, x.shape, 10.0),
+        rates=None,
+    )
+    return Solver(program, Point(f, a, x), rng.normal(size=SIZES[4]))
+
+
+def _split(flat):
+    """Return the unknowns by kind."""
+    ends = np.cumsum([np.prod(shape) for shape in SIZES])[:-1]
+    parts = np.split(flat, ends)
+    return [part.reshape(shape) for part, shape in zip(parts, SIZES, strict=True)]
+
+
+def _slopes(solver, flat):
+    """Return slopes over all unknowns, which are zero at the optimum."""
+    f, a, x, lam, y = _split(flat)
+    at = solver.linearize([f, a, x], y)
+    over_f, over_a, over_x = [
+        box.barrier(part, solver.mu)[0] for box, part in zip(solver.boxes, (f, a, x), strict=True)
+    ]
+    over_f += solver._smooth_slope(f) - np.einsum("fr,frm->fm", y, solver.p.pulls)
+    over_f[:-1] += lam * at.g[..., 1]
+    over_f[1:] += lam * at.g[..., 2]
+    over_a += at.slope_a + lam * at.g[..., 3]
+    over_x += at.slope_x - np.einsum("fr,frm->fm", y, solver.p.columns)
+    return np.concatenate(
+        [part.ravel() for part in (over_f, over_a, over_x, at.g[..., 0], at.balance)]
+    )
+
+
 def test_the_first_step_is_newtons_for_all_unknowns_at_once():
     """Of slopes over f, a, x, multipliers of equilibrium and of the balance.
 
     Nothing is eliminated; slopes are by differences.
     """
-    E = arrays("Thelen2003Muscle", 3)
-    rng = np.random.default_rng(1)
-    frames = 4
-    count = 3
-    rows = 3
-    others = 2
-    sizes = [
-        (frames, count),
-        (frames - 1, count),
-        (frames, others),
-        (frames - 1, count),
-        (frames, rows),
-    ]
-
-    def costs(number, shape, high):
-        zero = np.zeros(number)
-        return Costs(
-            weight=zero + 1.0,
-            exponent=zero + 2.0,
-            lower=zero - high,
-            upper=zero + high,
-            penalty=np.zeros((3, *shape)),
-            share=np.ones((shape[0], 1)),
-        )
-
-    f_shape, a_shape, x_shape = sizes[:3]
-    f = rng.uniform(0.3, 0.6, f_shape)
-    a = rng.uniform(0.3, 0.6, a_shape)
-    x = rng.uniform(0.3, 0.6, x_shape)
-    program = Program(
-        arrays=E,
-        own=np.arange(count),
-        steps=np.full(frames - 1, 0.02),
-        lengths=E.hill.tendon + 1.1 * E.hill.fiber + np.zeros_like(a),
-        speeds=np.zeros_like(a),
-        pulls=30.0 * rng.normal(size=(frames, rows, count)),
-        columns=rng.normal(size=(frames, rows, others)),
-        right=rng.normal(size=(frames, rows)),
-        activation=costs(count, a.shape, 1.0),
-        other=costs(others, x.shape, 10.0),
-        rates=None,
-    )
-    solver = Solver(program, Point(f, a, x), rng.normal(size=sizes[4]))
+    solver = _small_solver()
     at = solver.linearize(solver.v, solver.y)
     start = [*solver.v, solver.multipliers(at)[1], solver.y]
-
-    def slopes(flat):
-        parts = np.split(flat, ends)
-        f, a, x, lam, y = [part.reshape(shape) for part, shape in zip(parts, sizes, strict=True)]
-        at = solver.linearize([f, a, x], y)
-        f_box, a_box, x_box = solver.boxes
-        over_f = f_box.barrier(f, solver.mu)[0]
-        over_a = a_box.barrier(a, solver.mu)[0]
-        over_x = x_box.barrier(x, solver.mu)[0]
-        over_f += solver._smooth_slope(f) - np.einsum("fr,frm->fm", y, program.pulls)
-        over_f[:-1] += lam * at.g[..., 1]
-        over_f[1:] += lam * at.g[..., 2]
-        over_a += at.slope_a + lam * at.g[..., 3]
-        over_x += at.slope_x - np.einsum("fr,frm->fm", y, program.columns)
-        return np.concatenate(
-            [part.ravel() for part in (over_f, over_a, over_x, at.g[..., 0], at.balance)]
-        )
-
-    ends = np.cumsum([np.prod(shape) for shape in sizes])[:-1]
     u = np.concatenate([part.ravel() for part in start])
     h = 1e-6
-    matrix = np.stack(
-        [(slopes(u + h * way) - slopes(u - h * way)) / (2.0 * h) for way in np.eye(len(u))], axis=1
-    )
-    f, a, x, _, y = np.split(np.linalg.solve(matrix, -slopes(u)), ends)
+    differences = [
+        (_slopes(solver, u + h * way) - _slopes(solver, u - h * way)) / (2.0 * h)
+        for way in np.eye(len(u))
+    ]
+    matrix = np.stack(differences, axis=1)
+    f, a, x, _, y = _split(np.linalg.solve(matrix, -_slopes(solver, u)))
     step, dy = solver.step(at, 0.0)
     assert solver.bent == 0
     for ours, whole in zip((*step, dy), (f, a, x, y), strict=True):
-        np.testing.assert_allclose(ours.ravel(), whole, rtol=1e-4, atol=1e-5)
+        np.testing.assert_allclose(ours, whole, rtol=1e-4, atol=1e-5)
 
 
 class Free:
