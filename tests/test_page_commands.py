@@ -37,7 +37,7 @@ SHORT = {
     "page": "page",
     "trial_path": "trial_path",
     "sources": "sources",
-    "fuzz": "fuzz --seconds 0.2 --reader TRC",
+    "fuzz": "fuzz --inputs 20 --reader TRC",
     "opensim": "opensim --rounds 1",
     "draws": "draws --draws 2",
 }

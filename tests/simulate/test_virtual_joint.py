@@ -5,6 +5,7 @@ Its recordings have the stated errors.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import mujoco
@@ -124,9 +125,11 @@ def test_limb_is_a_physical_body_that_hangs() -> None:
 
 def test_noise_and_clock_are_as_stated() -> None:
     noise = Noise(marker=4e-4, force=0.5, lever=0.1, offset=0.02, drift=1e-4)
-    hinge = partial(mechanical_joint, "hinge", 0.1, 1.0, 1, seconds=8.0, trials=1)
-    loud = hinge(noise=noise).trials[0]
-    still = hinge(noise=Noise(0.0, 0.0, offset=0.02, drift=1e-4)).trials[0]
+    hinge = partial(mechanical_joint, "hinge", 0.1, 1.0, 1)
+    usual = JointExperiment(seconds=8.0, trials=1, noise=noise)
+    quiet = replace(usual, noise=Noise(0.0, 0.0, offset=0.02, drift=1e-4))
+    loud = hinge(experiment=usual).trials[0]
+    still = hinge(experiment=quiet).trials[0]
     assert np.std(loud.markers.values - still.markers.values) == pytest.approx(4e-4, rel=0.03)
     assert np.std(loud.wrenches.forces - still.wrenches.forces) == pytest.approx(0.5, rel=0.03)
     assert np.std(loud.wrenches.torques - still.wrenches.torques) == pytest.approx(0.05, rel=0.03)

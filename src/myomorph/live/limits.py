@@ -101,6 +101,7 @@ class Instant:
     result: Array  # (columns,) all `TABLES` beside each other
 
 
+@read_only
 @dataclass(frozen=True, kw_only=True)
 class DrawnChain:
     """What of a chain its limits depend on besides the model.

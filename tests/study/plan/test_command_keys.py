@@ -38,6 +38,17 @@ def taken_by(command, parameter):
     return {one.name for one in dataclasses.fields(typing.get_args(typing.get_args(kind)[0])[0])}
 
 
+def named(command):
+    """Names of all that a command takes, of options that belong together each."""
+    names = set()
+    for name, parameter in inspect.signature(command, eval_str=True).parameters.items():
+        kind = (*typing.get_args(parameter.annotation), parameter.annotation)[0]
+        kind = (*typing.get_args(kind), kind)[0]
+        is_group = dataclasses.is_dataclass(kind)
+        names |= {field.name for field in dataclasses.fields(kind)} if is_group else {name}
+    return names
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_file_of_a_command_is_a_key_of_a_subject_or_a_trial(name):
     keys = {
@@ -45,8 +56,7 @@ def test_every_file_of_a_command_is_a_key_of_a_subject_or_a_trial(name):
         *trial_table().model_fields,
         *SubjectTable.model_fields,
     }
-    taken = inspect.signature(COMMANDS[name], eval_str=True).parameters
-    asked = {*taken, *taken_by(COMMANDS[name], "inputs")} - {*RUN, *TABLES, "inputs"}
+    asked = named(COMMANDS[name]) - {*RUN, *TABLES, *taken_by(COMMANDS[name], "options")}
     assert set(TABLES.values()) <= set(step_settings())
     assert asked <= keys, sorted(asked - keys)
 

@@ -87,8 +87,11 @@ def find_period(time: Array, values: Array, options: PeriodOptions | None = None
 
     Returns
     -------
-    the period [s], whether there is one, and with what confidence; `periodic` is False with too few
-        values and where the signal does not repeat
+    the period [s], whether there is one, and with what confidence
+
+    Raises
+    ------
+    Nothing: too few values, or a signal that does not repeat, give `periodic` False
 
     Examples
     --------
