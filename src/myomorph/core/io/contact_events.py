@@ -15,6 +15,7 @@ from myomorph.core.io.parsing.text import file_text, write_csv
 from myomorph.core.model.causes import CONTACT_TIMES
 from myomorph.core.model.contacts import FOREVER, Contacts, Touch
 from myomorph.core.model.errors import BadData, BadFile
+from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND
 
@@ -364,9 +365,9 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[Messa
     """
     intervals = []
     warnings = []
-    for site in dict.fromkeys(mark.site for mark in marks):
+    for site, of_site in grouped((mark.site, mark) for mark in marks).items():
         begun: _Mark | None = None
-        for mark in _in_order(marks, site):
+        for mark in _in_order(of_site):
             _check_alternation(path, begun, mark)
             if begun is not None:
                 intervals.append(begun.until(mark.time))
@@ -384,9 +385,8 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[Messa
     return intervals, warnings
 
 
-def _in_order(marks: Iterable[_Mark], site: str) -> list[_Mark]:
+def _in_order(of_site: Iterable[_Mark]) -> list[_Mark]:
     """Sort the events of a site by time; of two at one time, the leave is first."""
-    of_site = [mark for mark in marks if mark.site == site]
     return sorted(of_site, key=lambda mark: (mark.time, mark.touches))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, freeze, read_only, unit_vector
 from myomorph.core.model.contact_quantities import FORCES
-from myomorph.core.model.errors import BadData, check_name
+from myomorph.core.model.errors import BadData, UnknownName, check_name
 from myomorph.core.model.extension import load
 from myomorph.core.model.labelled import AXES, Labelled
 from myomorph.core.model.messages import Message
@@ -298,8 +298,10 @@ class Contacts:
     def __post_init__(self) -> None:
         ordered = sorted(self.intervals, key=lambda interval: (interval.start, interval.site))
         object.__setattr__(self, "intervals", tuple(ordered))
+        known = set(self.sites)
         for interval in self.intervals:
-            check_name("contact site", interval.site, self.sites, "the contacts")
+            if interval.site not in known:
+                raise UnknownName("contact site", interval.site, self.sites, where="the contacts")
 
     def states(self, time: Array) -> Series:
         """Confidence that each site touches.
@@ -313,8 +315,9 @@ class Contacts:
         Series of (frames, sites), 0 where nothing says so
         """
         values = np.zeros((len(time), len(self.sites)))
+        columns = {site: column for column, site in enumerate(self.sites)}
         for interval in self.intervals:
-            column = self.sites.index(interval.site)
+            column = columns[interval.site]
             inside = (time >= interval.start - 1e-9) & (time <= interval.stop + 1e-9)
             values[inside, column] = np.maximum(values[inside, column], interval.confidence)
         return Series(time, self.sites, values)
