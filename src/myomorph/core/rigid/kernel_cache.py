@@ -104,7 +104,7 @@ def type_key(kinds: tuple[Any, ...]) -> Key | None:
 
     Returns
     -------
-    None where a value of one of them is not told from others by `call_key`
+    None where a value of one of them is not distinguished by `call_key`
     """
     key = tuple(map(_type_name, kinds))
     return None if None in key else key

@@ -16,6 +16,7 @@ import importlib.util
 import json
 import os
 import pickle
+import platform
 import re
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -34,6 +35,11 @@ FORM = 1  # Of the files; those of another are not read
 SUFFIX = ".code"
 NUMBA_ALONE = "MYOMORPH_NUMBA"
 """Environment variable by which all kernels run through Numba."""
+TRIED = sys.platform == "linux" and platform.machine() == "x86_64"
+"""Whether code has been tried without Numba on such a machine.
+
+LLVM ends a process whose code it cannot link, so elsewhere kernels run through Numba.
+"""
 LAYOUTS = {0: "A", 1: "C", 2: "F", 3: "C"}
 """Order of an array's values by the first two of its flags."""
 CONTIGUOUS = 0x3
@@ -89,7 +95,7 @@ class CodeHead(NamedTuple):
 
 
 def call_key(arguments: Iterable[Any]) -> Key | None:
-    """Types of the arguments of a call, as `kernel_cache` names Numba's.
+    """Name the types of the arguments of a call, as `kernel_cache` names Numba's.
 
     Parameters
     ----------
@@ -123,7 +129,7 @@ def _kind(value: Any) -> Any:
 
 @cache
 def array_kind(dtype: np.dtype[Any], ndim: int, flags: int) -> str | None:
-    """Name the type of an array as Numba tells arrays apart; None where no code is kept for it.
+    """Name the type of an array as Numba distinguishes them; None where no code is stored for it.
 
     Parameters
     ----------
@@ -176,7 +182,7 @@ def stored_code(function: Callable[..., Any], key: Key | None) -> Callable[..., 
     -------
     the compiled function; None where it is not on disk or cannot run without Numba
     """
-    if key is None or os.environ.get(NUMBA_ALONE) or not kernel_folder().is_dir():
+    if not TRIED or key is None or os.environ.get(NUMBA_ALONE) or not kernel_folder().is_dir():
         return None
     try:
         head, code = _read(_code_file(function, key))
