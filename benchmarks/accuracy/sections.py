@@ -146,12 +146,12 @@ PAGES: dict[str, dict[str, str]] = {
     "faults": {
         "force_faults": "accuracy.faults.faults:injected_force_faults",
         "force_faults_clean": "accuracy.faults.faults:clean_forces",
-        "force_faults_mended": "accuracy.faults.faults:mended_torques",
+        "force_faults_mended": "accuracy.faults.faults:corrected_torques",
         "force_faults_unseen": "accuracy.faults.unseen_faults:injected_unseen",
         "force_faults_unseen_clean": "accuracy.faults.unseen_faults:clean_unseen",
         "marker_faults": "accuracy.faults.marker_faults:injected_marker_faults",
         "marker_faults_clean": "accuracy.faults.marker_faults:clean_markers",
-        "marker_faults_mended": "accuracy.faults.marker_faults:mended_angles",
+        "marker_faults_mended": "accuracy.faults.marker_faults:corrected_angles",
         "marker_faults_unseen": "accuracy.faults.unseen_marker_faults:injected_after_calibration",
         "marker_faults_unseen_clean": (
             "accuracy.faults.unseen_marker_faults:clean_after_calibration"

@@ -233,7 +233,7 @@ def speed(case: ContactCase, rounds: int = 5) -> dict[str, object]:
         "variables": len(problem.separable.weight),
         "cores": thread_count(),
         "QP step [frames/s]": frames / seconds["qp"],
-        "asked for [frames/s]": case.asked,
+        "required [frames/s]": case.asked,
         "everything [frames/s]": frames / seconds["whole"],
         "everything, forces smoothed [frames/s]": frames / seconds["smooth"],
         "optimal [%]": 100.0 * float(np.mean(np.concatenate(status) == 0)),

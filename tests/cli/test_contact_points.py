@@ -156,8 +156,8 @@ def test_coordinates_that_couplers_drive_follow_them(data):
     assert notes == ()
     assert same.values == pytest.approx(right.values, nan_ok=True)
     wrong = Motion(right.time, names, right.values * [1.0, 180.0 / np.pi])
-    mended, (note,) = coupled_motion(wrong, model)
-    assert mended.values == pytest.approx(right.values, nan_ok=True)
+    repaired, (note,) = coupled_motion(wrong, model)
+    assert repaired.values == pytest.approx(right.values, nan_ok=True)
     assert "'knee_angle_l_beta' is 34.38 at 1.00 s where its coupler puts it at 0.6" in note
 
 

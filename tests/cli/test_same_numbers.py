@@ -37,7 +37,7 @@ def same(first, second):
 
 @pytest.mark.long
 def test_tension_of_what_analyze_wrote_gives_its_numbers(analyzed, tmp_path):
-    """A model, a motion and a recording of plates: outlines and mends are those of `analyze`."""
+    """A model, a motion and a recording of plates: outlines and repairs are those of `analyze`."""
     recording, folder = analyzed
     status = main(
         [

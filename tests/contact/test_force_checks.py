@@ -52,11 +52,11 @@ def test_a_fault_is_found_and_named(clean, fault):
 
 
 def test_a_mirrored_plate_is_not_taken_for_a_wrong_foot(clean):
-    """Nothing is mended, and the wrenches stay those of the file."""
+    """Nothing is repaired, and the wrenches stay those of the file."""
     faulty = faults.mirrored_plate(clean)
     found = checked_forces(faulty.wrenches, faulty.model, faulty.motion)
     assert "mirrored plate" in {one.kind for one in found.findings}
-    assert not any(one.mended for one in found.findings)
+    assert not any(one.repaired for one in found.findings)
     assert found.wrenches is faulty.wrenches
 
 
@@ -78,7 +78,7 @@ def test_a_load_in_the_hands_goes_to_no_foot(clean):
     found = on_feet(with_box, clean.model, clean.motion)
     (load_in_hands,) = [one for one in found.findings if one.place == "box"]
     assert load_in_hands.kind == LOAD
-    assert not load_in_hands.mended
+    assert not load_in_hands.repaired
     assert "--bodies" in load_in_hands.text
     for body in set(wrenches.bodies):
         np.testing.assert_allclose(
@@ -103,25 +103,25 @@ OF_ALL_PLATES = (faults.mirrored, faults.turned, faults.millimetres)
 
 
 @pytest.mark.parametrize("fault", SAFE, ids=lambda one: one.__name__)
-def test_what_is_mended_is_the_clean_wrench_again(clean, fault):
+def test_what_is_repaired_is_the_clean_wrench_again(clean, fault):
     """Force and moment about the origin on each foot, against those of the clean forces."""
     faulty = fault(clean)
     found = on_feet(faulty.wrenches, faulty.model, faulty.motion)
-    assert any(one.mended for one in found.findings)
+    assert any(one.repaired for one in found.findings)
     for body in set(clean.wrenches.bodies):
         expected = on_body(clean.wrenches, body, clean.motion)
-        mended = on_body(found, body, clean.motion)
-        np.testing.assert_allclose(mended[:, :3], expected[:, :3], atol=1e-6)
+        repaired = on_body(found, body, clean.motion)
+        np.testing.assert_allclose(repaired[:, :3], expected[:, :3], atol=1e-6)
         # The point that moments of a plate are about is fitted.
-        assert np.abs(mended - expected).max() < (15.0 if fault is faults.about_a_plate else 1e-6)
+        assert np.abs(repaired - expected).max() < (15.0 if fault is faults.about_a_plate else 1e-6)
 
 
 @pytest.mark.parametrize("fault", OF_ALL_PLATES, ids=lambda one: one.__name__)
-def test_what_asks_for_no_foot_is_mended_where_contacts_share_the_forces(clean, fault):
+def test_what_asks_for_no_foot_is_repaired_where_contacts_share_the_forces(clean, fault):
     """Plates in the motion's axes and units, whoever stands on them; clean ones are left alone."""
     faulty = fault(clean)
     found = on_feet(faulty.wrenches, faulty.model, faulty.motion, shared=True)
-    assert any(one.mended for one in found.findings)
+    assert any(one.repaired for one in found.findings)
     np.testing.assert_allclose(
         found.forces.sum(axis=1), clean.wrenches.forces.sum(axis=1), atol=1e-6
     )
@@ -130,7 +130,7 @@ def test_what_asks_for_no_foot_is_mended_where_contacts_share_the_forces(clean, 
 
 
 def check_forces(*given):
-    return checked_forces(*given, mend=False).findings
+    return checked_forces(*given, repair=False).findings
 
 
 def test_reporting_only_changes_nothing(clean):
@@ -139,7 +139,7 @@ def test_reporting_only_changes_nothing(clean):
         faulty.wrenches, faulty.model, faulty.motion, ForceOptions(force_checks="report")
     )
     assert found.findings
-    assert not any(one.mended for one in found.findings)
+    assert not any(one.repaired for one in found.findings)
     np.testing.assert_array_equal(found.forces, faulty.wrenches.forces)
     named = tuple(one for one in found.findings if one.kind != UNDETERMINED)
     assert check_forces(faulty.wrenches, faulty.model, faulty.motion) == named
@@ -184,7 +184,7 @@ def test_opencaps_plates_that_are_all_on_one_foot(data):
     file = ForceFile(path=data(f"{folder}/grf/walking1_external_forces.xml"))
     found = on_feet(raw_loads(file, model, motion).wrenches, model, motion)
     assert found.bodies == ("talus_r", "calcn_l")
-    assert [(one.kind, one.place, one.mended) for one in found.findings] == [
+    assert [(one.kind, one.place, one.repaired) for one in found.findings] == [
         ("wrong foot", "ForcePlate2", True)
     ]
 

@@ -23,7 +23,7 @@ UNIT = 0.8
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "mended"),
+    ("before", "after", "repaired"),
     [
         (1.01 * NEAR, 0.0, True),
         (0.99 * NEAR, 0.0, False),
@@ -33,7 +33,7 @@ UNIT = 0.8
         (1.0, 1.01 * FITS, False),
     ],
 )
-def test_an_origin_is_changed_only_from_far_to_near(monkeypatch, before, after, mended):
+def test_an_origin_is_changed_only_from_far_to_near(monkeypatch, before, after, repaired):
     """Distances are shares of the foot's length.
 
     A change must leave less than `FITS`, and less than `MARKED` of the distances before.
@@ -56,7 +56,7 @@ def test_an_origin_is_changed_only_from_far_to_near(monkeypatch, before, after, 
         name=lambda number: "ForcePlate1",
     )
     repairs = [finding.repair.apply.keywords for finding in check_origins(inspection)]
-    assert repairs == ([{"number": 0, "change": remedy.change}] if mended else [])
+    assert repairs == ([{"number": 0, "change": remedy.change}] if repaired else [])
 
 
 def test_a_force_goes_to_the_carrier_of_each_step_and_nothing_is_lost():

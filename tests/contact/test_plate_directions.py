@@ -1,4 +1,4 @@
-"""One plate that is turned under somebody who rises or walks is named, and nothing is mended.
+"""One plate that is turned under somebody who rises or walks is named, and nothing is repaired.
 
 Truth: recordings in which forces and points of one plate are turned about its middle.
 """
@@ -64,4 +64,4 @@ def test_plates_that_are_turned_together_are_put_right(clean):
     faulty = faults.turned(clean)
     found = checked_forces(faulty.wrenches, clean.model, clean.motion)
     assert TURNED_PLATE not in {one.kind for one in found.findings}
-    assert any(one.mended for one in found.findings)
+    assert any(one.repaired for one in found.findings)

@@ -98,7 +98,7 @@ def test_known_wrenches_come_back(kind):
 
 
 @pytest.mark.parametrize("kind", [2, 3, 4])
-def test_an_origin_written_upside_down_is_mended(kind):
+def test_an_origin_written_upside_down_is_repaired(kind):
     recording, known = _a_plate(kind)
     turned = -recording.origin if kind != 3 else recording.origin * [1, 1, -1]
     np.testing.assert_allclose(

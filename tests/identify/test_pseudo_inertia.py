@@ -175,7 +175,7 @@ def test_massless_links_stay(reference):
     assert np.isnan(fit.smallest[2])
 
 
-def test_a_reference_of_no_body_is_named_and_can_be_mended(reference):
+def test_a_reference_of_no_body_is_named_and_can_be_repaired(reference):
     flat = reference.copy()
     c = flat[4, 1:4] / flat[4, 0]
     flat[4, 4:] = [
@@ -189,11 +189,11 @@ def test_a_reference_of_no_body_is_named_and_can_be_mended(reference):
     flat[4, 4:] *= flat[4, 0]
     with pytest.raises(BadData, match="reference of link 4 is of no body"):
         solve_pseudo_inertia(np.zeros((0, 60)), np.zeros(0), flat)
-    mended = possible_reference(flat, 0.02)
-    second = pseudo_inertias(mended[4])[:3, :3] - mended[4, 0] * np.outer(c, c)
-    assert np.allclose(second, mended[4, 0] * 0.02**2 * np.eye(3), atol=1e-9)
-    assert np.array_equal(np.delete(mended, 4, axis=0), np.delete(flat, 4, axis=0))
-    assert solve_pseudo_inertia(np.zeros((0, 60)), np.zeros(0), mended).converged
+    repaired = possible_reference(flat, 0.02)
+    second = pseudo_inertias(repaired[4])[:3, :3] - repaired[4, 0] * np.outer(c, c)
+    assert np.allclose(second, repaired[4, 0] * 0.02**2 * np.eye(3), atol=1e-9)
+    assert np.array_equal(np.delete(repaired, 4, axis=0), np.delete(flat, 4, axis=0))
+    assert solve_pseudo_inertia(np.zeros((0, 60)), np.zeros(0), repaired).converged
 
 
 def test_bad_input_is_named(reference):

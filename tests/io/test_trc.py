@@ -71,7 +71,7 @@ def test_markers_are_what_opensim_reads(name, data):
         ),
     ],
 )
-def test_files_opensim_refuses_are_mended_and_it_is_told(name, shape, warning, data):
+def test_files_opensim_refuses_are_repaired_and_it_is_told(name, shape, warning, data):
     trial = read_trc(data(name))
     assert trial.markers.values.shape == (*shape, 3)
     assert any(warning in line for line in trial.warnings)

@@ -33,18 +33,18 @@ def test_repairs_are_applied_one_after_the_other_and_said():
         "b has no name",
         "c is negative: it was reversed",
     ]
-    assert [finding.mended for finding in reported] == [True, False, True]
+    assert [finding.repaired for finding in reported] == [True, False, True]
 
 
-def test_without_mending_nothing_changes_and_what_helps_is_said():
-    value, reported = repaired(3, FINDINGS, mend=False)
+def test_without_repairs_nothing_changes_and_texts_say_what_helps():
+    value, reported = repaired(3, FINDINGS, apply=False)
     assert value == 3
     assert [str(finding) for finding in reported] == [
         "a is small: add one",
         "b has no name",
         "c is negative",
     ]
-    assert not any(finding.mended for finding in reported)
+    assert not any(finding.repaired for finding in reported)
 
 
 def test_what_is_reported_is_kept_in_files_and_repaired_no_more():
@@ -60,7 +60,7 @@ def test_what_was_put_right_is_good_to_know():
         MARKERS.gravity,
         "good to know",
     ]
-    _, left = repaired(3, FINDINGS, mend=False)
+    _, left = repaired(3, FINDINGS, apply=False)
     assert {finding.message.gravity for finding in left} == {MARKERS.gravity}
 
 

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.accuracy.faults import marker_faults as faults
 
 from myomorph.core.model.series import Markers
-from myomorph.core.motion.label_repair import mended_labels
+from myomorph.core.motion.label_repair import repaired_labels
 from myomorph.lab.analyze.generic_model import generic_model
 from myomorph.lab.session.recordings import bare, look_at, sites_of
 
@@ -35,7 +35,7 @@ def recording(request, data):
 
 def test_nothing_is_changed_where_labels_are_right(recording):
     model, markers = recording
-    found, findings = mended_labels(model, markers)
+    found, findings = repaired_labels(model, markers)
     assert found is markers
     assert findings == ()
 
@@ -45,14 +45,14 @@ def test_nothing_is_changed_where_labels_are_right(recording):
 )
 def test_exchanged_labels_come_back(recording, change):
     model, markers = recording
-    found, findings = mended_labels(model, change(model, markers))
+    found, findings = repaired_labels(model, change(model, markers))
     np.testing.assert_array_equal(found.values, markers.values)
-    assert [(one.kind, one.mended) for one in findings] == [("swapped labels", True)]
+    assert [(one.kind, one.repaired) for one in findings] == [("swapped labels", True)]
 
 
 def test_sides_that_may_be_mirrored_are_named_and_left(recording):
     model, markers = recording
     faulty = faults.swapped_sides(False)(model, markers)
-    found, (finding,) = mended_labels(model, faulty)
+    found, (finding,) = repaired_labels(model, faulty)
     assert found is faulty
     assert finding.kind == "left and right"

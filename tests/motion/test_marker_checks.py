@@ -108,7 +108,7 @@ def test_all_labels_of_both_sides_swapped_are_told_from_a_mirrored_axis(walk):
     np.testing.assert_array_equal(labels.markers.values, markers.values)
     mirrored = checked_kinematics(model, replace(markers, values=markers.values * [-1.0, 1.0, 1.0]))
     assert kinds(mirrored) == {"mirrored axis"}
-    assert not mirrored.findings[0].mended
+    assert not mirrored.findings[0].repaired
 
 
 def test_a_limb_and_the_front_of_the_pelvis_swapped_are_put_back(walk):
@@ -134,21 +134,21 @@ def test_a_marker_that_jumps_is_bridged_there(walk, frames):
     assert kinds(found) == {"jumping marker"}
     finding = next(one for one in found.findings if one.kind == "jumping marker")
     assert finding.place == name
-    assert finding.mended
+    assert finding.repaired
     assert finding.times == (pytest.approx((markers.time[40], markers.time[39 + frames])),)
     clean = inverse_kinematics(model, markers).motion.values
     assert np.abs(found.fit.motion.values - clean).max() < np.radians(1.0)
 
 
-def test_what_is_only_told_is_not_mended(walk):
+def test_what_is_only_told_is_not_repaired(walk):
     model, markers = walk
     name = sided(model, markers)[0][0]
     values = np.array(markers.values)
     values[40, markers.names.index(name)] += [0.05, 0.04, -0.03]
     wrong = replace(markers, values=values)
-    found = checked_kinematics(model, wrong, checks=MarkerCheckOptions(mend=False))
+    found = checked_kinematics(model, wrong, checks=MarkerCheckOptions(repair=False))
     assert kinds(found) == {"jumping marker"}
-    assert not any(one.mended or "mended" in one.text for one in found.findings)
+    assert not any(one.repaired or "repaired" in one.text for one in found.findings)
     np.testing.assert_array_equal(
         found.fit.motion.values, inverse_kinematics(model, wrong).motion.values
     )
@@ -228,7 +228,7 @@ def test_frames_that_do_not_show_where_the_body_is_are_left_empty():
     entering = replace(markers, values=values)
     found = checked_kinematics(model, entering)
     (finding,) = [one for one in found.findings if one.kind == "hidden frames"]
-    assert finding.mended
+    assert finding.repaired
     assert "2 of 10 frames" in finding.text
     assert f"as few as 2 of {len(markers.names)}" in finding.text
     np.testing.assert_array_equal(found.fit.seen, np.arange(10) >= 2)
@@ -236,9 +236,9 @@ def test_frames_that_do_not_show_where_the_body_is_are_left_empty():
     clean = checked_kinematics(model, markers)
     np.testing.assert_allclose(found.fit.motion.values[2:], clean.fit.motion.values[2:], atol=1e-6)
     assert not {one.kind for one in clean.findings} & {"hidden frames", "hidden in part"}
-    told = checked_kinematics(model, entering, checks=MarkerCheckOptions(mend=False))
+    told = checked_kinematics(model, entering, checks=MarkerCheckOptions(repair=False))
     assert told.fit.seen.all()
-    assert [one.mended for one in told.findings if one.kind == "hidden frames"] == [False]
+    assert [one.repaired for one in told.findings if one.kind == "hidden frames"] == [False]
 
 
 def test_a_coordinate_hidden_in_part_of_the_frames_is_named_with_them():

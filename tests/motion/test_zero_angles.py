@@ -287,14 +287,14 @@ def test_a_static_trial_takes_the_place_of_motion_that_would_put_zeros_where_no_
     monkeypatch.setattr("myomorph.body.calibrate.calibrate.STANDING", ("tibia", "foot"))
     assert not calibrate(model, [moving], options).warnings
     monkeypatch.setattr("myomorph.body.calibrate.zero_angles.FAR", -10.0)
-    assert not calibrate(model, [moving], options).warnings[0].mended
+    assert not calibrate(model, [moving], options).warnings[0].repaired
     monkeypatch.setattr("myomorph.body.calibrate.zero_angles.REFUTED", -10.0)
-    mended = calibrate(model, [moving], options)
+    repaired = calibrate(model, [moving], options)
     alone = calibrate(model, [], options)
-    assert mended.factors["tibia_r"] == pytest.approx(alone.factors["tibia_r"], abs=1e-12)
-    assert mended.warnings[0].mended
+    assert repaired.factors["tibia_r"] == pytest.approx(alone.factors["tibia_r"], abs=1e-12)
+    assert repaired.warnings[0].repaired
     (warning,) = calibrate(model, [moving], replace(options, static=None)).warnings
-    assert not warning.mended
+    assert not warning.repaired
     assert warning.place in model.coordinate_names
 
 

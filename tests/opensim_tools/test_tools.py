@@ -169,7 +169,7 @@ def test_inverse_kinematics_of_simulated_markers(data, tmp_path):
     assert any("constraint_weight is 10" in one for one in result.warnings)
 
 
-def test_markers_and_forces_are_checked_and_nothing_is_mended(data, tmp_path):
+def test_markers_and_forces_are_checked_and_nothing_is_repaired(data, tmp_path):
     """Exchanged labels and forces on the wrong feet are reported; numbers stay OpenSim's."""
     for name in ("ref_ik", "ref_id"):
         shutil.copytree(data(f"opensim-gait-subject01/{name}"), tmp_path / name)
@@ -183,7 +183,7 @@ def test_markers_and_forces_are_checked_and_nothing_is_mended(data, tmp_path):
     result = run_tool(tmp_path / "ref_ik" / "subject01_Setup_InverseKinematics.xml")
     assert "'R.Thigh.Upper'" in result.warnings[0]
     assert "are exchanged" in result.warnings[0]
-    assert "mended" not in result.warnings[0]
+    assert "repaired" not in result.warnings[0]
     assert "over 2 and 4 cm" in result.lines[0]
 
     loads = next(

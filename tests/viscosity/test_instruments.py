@@ -54,10 +54,10 @@ def test_estimates_change_no_more_than_their_prior_lets_gains_change(swings, err
     exact = found_of(swings)
     wrong = off(swings, *errors)
     instruments = estimate_instruments({"without": wrong}, ErrorOptions())
-    mended = found_of([instruments.corrected(one) for one in wrong])
-    assert np.abs(np.array(mended) / exact - 1.0).max() < 0.006
+    repaired = found_of([instruments.corrected(one) for one in wrong])
+    assert np.abs(np.array(repaired) / exact - 1.0).max() < 0.006
     assert (
-        np.abs(np.array(mended) / exact - 1.0).max()
+        np.abs(np.array(repaired) / exact - 1.0).max()
         < 0.5 * np.abs(np.array(found_of(wrong)) / exact - 1.0).max()
     )
 

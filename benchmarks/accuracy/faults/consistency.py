@@ -6,7 +6,7 @@ The same recordings are looked at without any.
 Each goes the way of `ik` and `id` with a model that is given: checked inverse kinematics, forces
 held against the motion and put on feet, torques. A finding names a fault where its kind is one of
 those that the fault has; it blames something else where it is new beside those of the clean
-recording and is none of them. "Mended wrongly": a finding that is none of them changed markers or
+recording and is none of them. "Corrected wrongly": a finding that is none of them changed markers or
 forces.
 
 The change of torques is the root mean square change of those of hips, knees and ankles over their
@@ -54,7 +54,7 @@ SIZES = (
     (0.0, 0.05, "by less"),
 )
 """What faults do to torques with nothing put right."""
-OUTCOMES = ("named", "mended", "refused", "one of several", "something else blamed", "silent")
+OUTCOMES = ("named", "corrected", "refused", "one of several", "something else blamed", "silent")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,10 +137,10 @@ def opened(folder: Path, recording: Recording) -> Case:
     return Case(model=model, markers=markers, wrenches=replace(sound, findings=(), notes=()))
 
 
-def outcome(case: Case, mend: bool = True) -> Outcome:
+def outcome(case: Case, repair: bool = True) -> Outcome:
     """Go the way of `ik` and `id`, with or without corrections."""
-    markers = MarkerCheckOptions(mend=mend)
-    forces = ForceOptions() if mend else ForceOptions(force_checks="none")
+    markers = MarkerCheckOptions(repair=repair)
+    forces = ForceOptions() if repair else ForceOptions(force_checks="none")
     try:
         checked = checked_kinematics(case.model, case.markers, checks=markers)
         wrenches = on_feet(_with_zeros(case), case.model, checked.fit.motion, forces)
@@ -202,8 +202,8 @@ def judged(fault: Fault, clean: Outcome, faulty: Outcome) -> tuple[str, list[Fin
         return "refused", wrong
     if not right:
         return ("something else blamed" if wrong else "silent"), wrong
-    if all(item.mended for item in right):
-        return "mended", wrong
+    if all(item.repaired for item in right):
+        return "corrected", wrong
     return ("named" if any(_is_one(item, fault) for item in right) else "one of several"), wrong
 
 
@@ -236,8 +236,8 @@ def measure(folder: Path) -> Iterator[Row]:
                 "torques change": words,
                 "faults": len(chosen),
                 **{word: counts[word] for word in OUTCOMES},
-                "told [%]": 100.0 * named / max(len(chosen), 1),
-                "something else mended": sum(bool(row["mended wrongly"]) for row in chosen),
+                "reported [%]": 100.0 * named / max(len(chosen), 1),
+                "something else corrected": sum(bool(row["corrected wrongly"]) for row in chosen),
             }
 
 
@@ -255,7 +255,7 @@ def measure_clean(folder: Path) -> Iterator[Row]:
         yield {
             "recording": recording.name,
             "kept apart": recording.apart,
-            "said": "; ".join(f"{item.kind}: {item}"[:160] for item in findings) or "nothing",
+            "reported": "; ".join(f"{item.kind}: {item}"[:160] for item in findings) or "nothing",
         }
 
 
@@ -271,16 +271,16 @@ def cases(folder: Path, recording: Recording, seed: int) -> Iterator[Row]:
         faulty = outcome(case)
         word, wrong = judged(fault, clean, faulty)
         # Where nothing was put right, the fault is what changes torques.
-        mends = any(item.mended for item in faulty.findings)
-        bare = outcome(case, mend=False) if mends else faulty
+        repairs = any(item.repaired for item in faulty.findings)
+        bare = outcome(case, repair=False) if repairs else faulty
         yield {
             "recording": recording.name,
             "apart": recording.apart,
             "fault": fault.name,
             "outcome": word,
             CHANGE: 100.0 * change_of(clean, bare),
-            "mended wrongly": "; ".join(sorted({item.kind for item in wrong if item.mended})),
-            "also said": "; ".join(sorted({item.kind for item in wrong})),
+            "corrected wrongly": "; ".join(sorted({item.kind for item in wrong if item.repaired})),
+            "also reported": "; ".join(sorted({item.kind for item in wrong})),
             "refused": faulty.refused[:120],
         }
 

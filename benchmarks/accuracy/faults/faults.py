@@ -295,12 +295,12 @@ FORCE_FAULTS = (
 
 
 def verdict(fault: Fault, findings: Sequence[Finding]) -> str:
-    """Return whether a fault is mended, found or missed."""
+    """Return whether a fault is corrected, found or missed."""
     named = [one for one in findings if one.kind in fault.kinds]
     if not named:
         return "missed"
-    if all(one.mended for one in named):
-        return "mended"
+    if all(one.repaired for one in named):
+        return "corrected"
     return "found"
 
 
@@ -336,7 +336,7 @@ def _error_of(
 
 
 def injected_force_faults(folder: Path) -> Iterator[Row]:
-    """Put faults of forces into clean recordings, and count those mended, found and missed."""
+    """Put faults of forces into clean recordings, and count those corrected, found and missed."""
     return counted_faults(FORCE_FAULTS, [of_its_mass(folder, walk) for walk in CLEAN])
 
 
@@ -353,10 +353,10 @@ def counted_faults(faults: Sequence[Fault], recordings: Sequence[Recorded]) -> I
 
 
 def counted(fault: str, verdicts: Sequence[tuple[str, str]]) -> Row:
-    """Return the row of a fault from its verdict (mended, found or missed) in each recording."""
+    """Return the row of a fault from its verdict (corrected, found or missed) in each recording."""
     counts = {
         word: [name for given, name in verdicts if given == word]
-        for word in ("mended", "found", "missed")
+        for word in ("corrected", "found", "missed")
     }
     return {
         "fault": fault,
@@ -390,7 +390,7 @@ def clean_forces(folder: Path) -> Iterator[Row]:
         }
 
 
-def mended_torques(folder: Path) -> Iterator[Row]:
+def corrected_torques(folder: Path) -> Iterator[Row]:
     """Joint torques with forces put right, against those with the clean forces."""
     for walk in CLEAN[:4]:
         clean = recorded(folder, walk)
@@ -403,11 +403,11 @@ def mended_torques(folder: Path) -> Iterator[Row]:
             if faulty is None:
                 continue
             found = on_feet(faulty.wrenches, faulty.model, faulty.motion)
-            if verdict(fault, found.findings) == "mended":
+            if verdict(fault, found.findings) == "corrected":
                 faulty_error = _error_of(clean, faulty.wrenches, motion, torques)
                 yield {
                     "recording": walk.name,
                     "fault": fault.name,
                     "error, faulty [N m]": faulty_error,
-                    "error, mended [N m]": torque_error(clean, found, motion, torques),
+                    "error, corrected [N m]": torque_error(clean, found, motion, torques),
                 }

@@ -132,7 +132,7 @@ def _row(what: str, times: object, reference: Path, out: Path, half: int, said: 
         "half-written": half,
         "computed twice": len(twice),
         "left over": len(left_over(out)),
-        "said": said,
+        "message": said,
     }
 
 
@@ -251,7 +251,7 @@ def disk_full(study: Path, reference: Path, out: Path) -> Row:
     out.mkdir()
     reason = mounted(out, f"size={size // 3}")
     if reason:
-        return {"what happened": "disk full", "said": f"not measured: {reason}"}
+        return {"what happened": "disk full", "message": f"not measured: {reason}"}
     try:
         code, said = end_of(begin(study, out))
         half = half_written(out) + differences(out, reference, whole=False)[1]
@@ -277,14 +277,14 @@ def read_only(study: Path, reference: Path, out: Path) -> Row:
     out.mkdir()
     reason = mounted(out, "ro")
     if reason:
-        return {"what happened": "folder read-only", "said": f"not measured: {reason}"}
+        return {"what happened": "folder read-only", "message": f"not measured: {reason}"}
     try:
         code, said = end_of(begin(study, out))
         if code != 2 or list(out.iterdir()):
             WRONG.append(f"read-only: ended with {code}: {said[-500:]}")
     finally:
         subprocess.run(("umount", str(out)), capture_output=True)
-    return {"what happened": "folder read-only", "times": 1, "said": _one_line(said, out)}
+    return {"what happened": "folder read-only", "times": 1, "message": _one_line(said, out)}
 
 
 def mounted(folder: Path, options: str) -> str:
@@ -308,7 +308,7 @@ def machine_cut_off(study: Path, reference: Path, out: Path) -> Row:
     what = "one of two machines cut off"
     reason = namespaces_work()
     if reason:
-        return {"what happened": what, "said": f"not measured: {reason}"}
+        return {"what happened": what, "message": f"not measured: {reason}"}
     names = ("myo-scheduler", "myo-one", "myo-two")
     with machines(names) as hosts, cluster_in(out.with_name("machines"), SETTINGS) as cluster:
         cluster.scheduler(hosts[names[0]], names[0])

@@ -269,7 +269,7 @@ def findings_of(model: mm.Model, markers: mm.Markers) -> tuple[Finding, ...]:
 
 
 def verdict(kinds: Sequence[str], findings: Sequence[Finding], before: Sequence[Finding]) -> str:
-    """Return whether a fault was mended, found or missed.
+    """Return whether a fault was corrected, found or missed.
 
     Other findings that the clean recording does not have follow in brackets.
     """
@@ -283,8 +283,8 @@ def verdict(kinds: Sequence[str], findings: Sequence[Finding], before: Sequence[
     besides = sorted({one.kind for one in new if one.kind not in kinds})
     if not named:
         word = "missed"
-    elif all(one.mended for one in named):
-        word = "mended"
+    elif all(one.repaired for one in named):
+        word = "corrected"
     else:
         word = "found"
     return word + (f" ({', '.join(besides)})" if besides else "")
@@ -330,7 +330,7 @@ def same_angles_word(
             np.abs(found.fit.motion.values - clean)[:, inner_angles(model, model.coordinate_names)]
         )
     )
-    word = "mended" if apart < 0.1 else f"missed: {apart:.1f} degrees"
+    word = "corrected" if apart < 0.1 else f"missed: {apart:.1f} degrees"
     new = verdict((), found.findings, before)
     return word + new.removeprefix("missed")
 
@@ -347,14 +347,14 @@ def called(findings: Sequence[Finding]) -> Row:
     """List the findings on a recording, without facts about the model."""
     about = [finding for finding in findings if finding.kind in ABOUT_THE_MODEL]
     return {
-        "called": texts_of([finding for finding in findings if finding not in about], "nothing"),
+        "reported": texts_of([finding for finding in findings if finding not in about], "nothing"),
         "about the model": (
             "; ".join(f"{finding.kind}: {finding.place}" for finding in about) or "nothing"
         ),
     }
 
 
-def mended_angles(folder: Path) -> Iterator[Row]:
+def corrected_angles(folder: Path) -> Iterator[Row]:
     """Joint angles with labels put right, against those of the clean recording."""
     for name in list(SCALED)[:4]:
         model, markers = opened(folder, *SCALED[name])
@@ -368,7 +368,7 @@ def mended_angles(folder: Path) -> Iterator[Row]:
             if faulty is None:
                 continue
             found = checked_kinematics(model, faulty)
-            if any(one.mended and one.kind in fault.kinds for one in found.findings):
+            if any(one.repaired and one.kind in fault.kinds for one in found.findings):
                 wrong = mm.inverse_kinematics(model, faulty).motion.values
                 yield {
                     "recording": name,
@@ -377,7 +377,7 @@ def mended_angles(folder: Path) -> Iterator[Row]:
                         what: float(np.degrees(np.nanmax(np.abs(_turns(values - clean, model)))))
                         for what, values in (
                             ("as it is [deg]", wrong),
-                            ("mended [deg]", found.fit.motion.values),
+                            ("corrected [deg]", found.fit.motion.values),
                         )
                     },
                 }

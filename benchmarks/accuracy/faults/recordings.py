@@ -465,7 +465,7 @@ class Verdict:
             "outcome": self.outcome,
             "torques change by [%]": 100.0 * self.torque,
             "angles change by [deg]": self.angle,
-            "said first": self.said,
+            "first message": self.said,
         }
 
 
@@ -655,7 +655,7 @@ JUDGED: Mapping[tuple[str, str], Judgement] = {
 """By recording and cause."""
 
 
-COLUMNS = ("cause", "gravity", "said", "right", "why")
+COLUMNS = ("cause", "gravity", "message", "right", "why")
 
 
 def measure_clean(folder: Path, seed: int = SEED) -> Iterator[Row]:
@@ -673,7 +673,7 @@ def measure_clean(folder: Path, seed: int = SEED) -> Iterator[Row]:
                 "recording": recording,
                 "cause": group.cause.title,
                 "gravity": group.gravity,
-                "said": _shortened(str(group.messages[0]), Path(recording)),
+                "message": _shortened(str(group.messages[0]), Path(recording)),
                 "right": "not judged" if judged_by is None else judged_by.is_right,
                 "why": "" if judged_by is None else judged_by.why,
             }

@@ -76,7 +76,7 @@ name.
 def injected_unseen(folder: Path) -> Iterator[Row]:
     """Put faults of forces into held-out recordings.
 
-    The rows count how many were mended, found and missed.
+    The rows count how many were corrected, found and missed.
     """
     found = (of_the_plates(folder, raw)[0] for raw in RAW)
     return counted_faults(FAULTS, [one for one in found if one is not None])
@@ -91,7 +91,7 @@ def clean_unseen(folder: Path) -> Iterator[Row]:
             "recording": raw.name,
             "frames": 0 if one is None else len(one.motion),
             "mass [kg]": float("nan") if one is None else one.model.mass,
-            "called": "; ".join(each.text for each in found) or "nothing"
+            "reported": "; ".join(each.text for each in found) or "nothing"
             if one is not None
             else f"left out: {said}",
         }

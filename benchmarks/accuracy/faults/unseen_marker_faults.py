@@ -142,7 +142,7 @@ def clean_after_calibration(folder: Path) -> Iterator[Row]:
         yield {
             "recording": name,
             "frames": len(markers),
-            "called": (
+            "reported": (
                 "; ".join(each.text for each in found if each.kind not in ABOUT_THE_MODEL)
                 or "nothing"
             ),
@@ -162,7 +162,7 @@ def calibrated(folder: Path, raw: RawForces) -> tuple[str, mm.Model, mm.Markers]
 def injected_marker_faults(folder: Path) -> Iterator[Row]:
     """Put faults of markers into held-out recordings.
 
-    The rows count how many were mended, found and missed.
+    The rows count how many were corrected, found and missed.
     """
     for fault in (one for one in MARKER_FAULTS if one.name in FROM_THE_BEGINNING):
         results = [
@@ -172,7 +172,7 @@ def injected_marker_faults(folder: Path) -> Iterator[Row]:
         ]
         others = set().union(*(besides for _, (_, besides) in results))
         row = counted(fault.name, [(word, name) for name, (word, _) in results])
-        yield row | {"also called": ", ".join(sorted(others)) or "nothing"}
+        yield row | {"also reported": ", ".join(sorted(others)) or "nothing"}
 
 
 def clean_markers(folder: Path) -> Iterator[Row]:
@@ -212,7 +212,7 @@ def injected(folder: Path, raw: Raw, fault: MarkerFault) -> tuple[str, set[str]]
     named = [one for one in new if one.kind in (*fault.kinds, "refused")]
     besides = {one.kind for one in new} - {*fault.kinds, "refused"}
     if same_angles(before, found):
-        return "mended", besides
+        return "corrected", besides
     return ("found" if named else "missed"), besides
 
 

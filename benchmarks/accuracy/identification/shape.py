@@ -51,13 +51,13 @@ def measure_people() -> Iterator[dict[str, object]]:
         shape = body_shape(height, chest, mass, sex)
         yield {
             "person": name,
-            "height asked, off [mm]": (
+            "requested height, error [mm]": (
                 f"{1e3 * height:.0f}, {1e3 * (shape.reached['height'] - height):+.2f}"
             ),
-            "chest asked, off [mm]": (
+            "requested chest, error [mm]": (
                 f"{1e3 * chest:.0f}, {1e3 * (shape.reached['chest'] - chest):+.2f}"
             ),
-            "mass asked [kg]": "" if mass is None else mass,
+            "requested mass [kg]": "" if mass is None else mass,
             f"volume x {DENSITY:g} [kg]": shape.reached["mass"],
             "points at 5 mm": len(fill(shape.skin, SPACING)),
         }

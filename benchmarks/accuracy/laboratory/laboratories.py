@@ -115,7 +115,7 @@ def _row(recording: Recording, folder: Path) -> Row:
         row["mass"] = "of the plates"
     findings = printed.partition("study file, ")[2].splitlines()
     row["warnings"] = sum(line.startswith("  ") for line in findings)
-    row["says"] = _said(printed, status)
+    row["message"] = _said(printed, status)
     return row
 
 

@@ -355,7 +355,7 @@ def measure_calibration(folder: Path) -> Iterator[Row]:
             "delay [ms]": round(1e3 * float(first.delays[0])),
             "on other frames [ms]": "" if same else round(1e3 * float(second.delays[0])),
             "gains, least ... most": f"{first.gains.min():.2f} ... {first.gains.max():.2f}",
-            "told by torques": f"{int(known.sum())} of {len(known)}",
+            "identified by torques": f"{int(known.sum())} of {len(known)}",
             "gains on other frames apart, median": (
                 "" if same else f"{np.median(np.expm1(apart)):.1%}"
             ),

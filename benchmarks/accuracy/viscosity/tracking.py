@@ -173,7 +173,7 @@ def measure_faults() -> Iterable[Row]:
             "fault": fault,
             "root mean square at 8 Hz [deg]": float(np.sqrt(np.mean(np.sum(turn**2, axis=1)))),
             "worst frame at 8 Hz [deg]": float(np.linalg.norm(turn, axis=1).max()),
-            "said": (
+            "notes": (
                 "; ".join(note.split(": ", 1)[1] for note in tracked.trials[0].notes) or "nothing"
             ),
         }

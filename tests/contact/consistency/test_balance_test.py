@@ -80,7 +80,7 @@ FAULTS = {
 def test_a_fault_is_named_and_nothing_else(walk, motion, kind):
     (said,) = findings(FAULTS[kind](walk), motion)
     assert said.kind == kind
-    assert not said.mended
+    assert not said.repaired
     assert said.repair is None
 
 
@@ -107,7 +107,7 @@ def test_mirrored_or_fallen_markers_leave_the_forces_alone(walk, mirror):
     """The sound side is never put right by the wrong one."""
     said = outcome(walk.with_markers(walk.markers.values * np.array(mirror))).findings
     assert "forces not judged" in {item.kind for item in said}
-    assert not any(item.mended for item in said if item.place in walk.wrenches.names)
+    assert not any(item.repaired for item in said if item.place in walk.wrenches.names)
 
 
 def test_the_force_of_all_segments_accelerates_the_center_of_mass(walk, motion):

@@ -55,11 +55,11 @@ def test_moments_in_newton_millimeters_are_told_by_where_they_put_the_force(reco
     write_c3d(path, markers, replace(plate, channels=channels))
     right = read_c3d(path)
     path.write_bytes(path.read_bytes().replace(b"Nmm", b"Nm "))
-    mended = read_c3d(path)
+    repaired = read_c3d(path)
     np.testing.assert_allclose(right.plate_recordings[0].channels, channels, atol=1e-4)
-    np.testing.assert_allclose(mended.plate_recordings[0].channels, channels, atol=1e-4)
+    np.testing.assert_allclose(repaired.plate_recordings[0].channels, channels, atol=1e-4)
     assert not right.warnings
-    assert "taken as N mm" in mended.warnings[0]
+    assert "taken as N mm" in repaired.warnings[0]
 
 
 def test_what_cannot_be_written_is_named(recording, tmp_path):

@@ -180,7 +180,7 @@ def pendulum(data):
     return read_osim(data("opensim-reference-small/double_pendulum.osim"))
 
 
-def test_names_that_opensim_refuses_are_mended_or_refused(pendulum, tmp_path):
+def test_names_that_opensim_refuses_are_repaired_or_refused(pendulum, tmp_path):
     renamed = replace(pendulum, name="two rods", markers=())
     assert write_osim(renamed, tmp_path / "a.osim") == ()
     coordinates = tuple(replace(one, name=f"{one.name}/x") for one in pendulum.coordinates)

@@ -28,7 +28,7 @@ FOUND = (
         place="F1",
         text=PLATES.message("force 'F1' acts under calcn_l: put there"),
         times=(),
-        mended=True,
+        repaired=True,
     ),
 )
 

@@ -145,7 +145,7 @@ def calibrate(
 
     calibration = _calibration(model, search, chosen, settings, path_lengths)
     far = _far_zeros(search, calibration, recorded)
-    if far and far[0].mended:
+    if far and far[0].repaired:
         return replace(calibrate(model, (), options, path_lengths=path_lengths), warnings=far)
     notes = (*calibration.notes, *few_marker_notes(model, recorded))
     return replace(calibration, notes=notes, warnings=far)

@@ -263,15 +263,15 @@ def far_zeros(
     far = sorted(beyond, key=lambda zero: -at_least[zero])
     if not far:
         return ()
-    mended = alone and bool(at_least[far[0]] > REFUTED)
+    repaired = alone and bool(at_least[far[0]] > REFUTED)
     named = ", ".join(f"{zero.coordinate} {np.degrees(zero.offset):.0f}°" for zero in far)
     cure = "" if standing else " (--static shows them)"
     then = f"their angles may be off by as much{cure}"
-    if mended:
+    if repaired:
         then = "calibrated on the static trial alone"
     text = CALIBRATION.message(
         f"zero angles are far from the generic model's ({named}), for the motion rotates bones as"
         f" the model's joints cannot (a foot that bends, a shank that twists): {then}",
         gravity="changes results",
     )
-    return (Finding("far zero angles", far[0].coordinate, text, mended=mended),)
+    return (Finding("far zero angles", far[0].coordinate, text, repaired=repaired),)

@@ -324,7 +324,7 @@ class CheckedForces:
 
     Attributes
     ----------
-    findings : with `mended` where `wrenches` have it put right
+    findings : with `repaired` where `wrenches` have it corrected
     """
 
     wrenches: Wrenches
@@ -335,7 +335,7 @@ def checked_forces(
     wrenches: Wrenches,
     model: Model,
     motion: Motion,
-    mend: bool = True,
+    repair: bool = True,
     checks: Sequence[Check] = (),
 ) -> CheckedForces:
     """Hold external forces against the motion, correct what is safe and name the rest.
@@ -351,7 +351,7 @@ def checked_forces(
     wrenches : in ground, at their own times; a body that is not known is ""
     model : of the body
     motion : (frames, coordinates) [rad or m]
-    mend : whether to correct what is safe to correct
+    repair : whether to correct what is safe to correct
     checks : those that are made, all by default
 
     Returns
@@ -382,7 +382,7 @@ def checked_forces(
     )
     found = judged_by_balance(inspection, known, signals)
     # Frames that are repeated or missing make the motion another one than the forces'.
-    corrected, findings = repaired(wrenches, found, mend and not motion.findings)
+    corrected, findings = repaired(wrenches, found, repair and not motion.findings)
     return CheckedForces(corrected, findings)
 
 
@@ -431,7 +431,7 @@ def judged_by_balance(
     kept = (
         finding
         for finding in inspection.findings
-        if not (sure and finding.kind in OVERRULED and not finding.mended)
+        if not (sure and finding.kind in OVERRULED and not finding.repaired)
     )
     return (*kept, *new)
 

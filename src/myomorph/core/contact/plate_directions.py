@@ -42,7 +42,7 @@ CLEARER = 1.4
 
 
 class TurnedPlate(NamedTuple):
-    """A plate, the turn that mends it, and the mean square error that it leaves [N^2]."""
+    """A plate, the rotation that corrects it, and the mean square error that it leaves [N^2]."""
 
     number: int
     turn: Turn

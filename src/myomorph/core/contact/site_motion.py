@@ -49,7 +49,7 @@ their errors [Hz].
 CUTOFF = 5.0
 DRIFT = 0.3
 """Half power of the low-pass of the velocity that feet on the ground give the root, and of what
-heights mend [Hz].
+heights correct [Hz].
 """
 HIGH = 0.05
 FAST = 0.1

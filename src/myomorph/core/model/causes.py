@@ -56,7 +56,7 @@ PLATES = Cause(
     title="Plates that were put right, or seem wrong",
     gravity="may change results",
     effect="Forces act at other places than recorded; torques follow them.",
-    remedy="Compare with the laboratory's setup; --no-mend leaves all as recorded.",
+    remedy="Compare with the laboratory's setup; --no-repair leaves all as recorded.",
     quantities=("generalized_force", "external_force_vector", "external_force_point"),
 )
 PLATE_ZERO = Cause(
@@ -103,7 +103,7 @@ MARKERS = Cause(
     gravity="may change results",
     size="up to {size} cm",
     effect="Angles near them change.",
-    remedy="Look at the markers named; --no-mend leaves all as recorded.",
+    remedy="Look at the markers named; --no-repair leaves all as recorded.",
     quantities=("coordinate_value", "marker_error"),
 )
 LABELS = Cause(

@@ -50,7 +50,7 @@ class Finding:
     text : one line for people: what, where, how much, and what was done or which option helps, with
         its cause
     times : (start, stop) of each stretch of time concerned [s]; empty where all of it is
-    mended : whether what follows was computed with it put right
+    repaired : whether what follows was computed with it corrected
     size : how bad, to sort by within a kind; not stored
     repair : how it can be put right, None where nothing is safe; not stored
     """
@@ -59,7 +59,7 @@ class Finding:
     place: str
     text: Message
     times: tuple[Span, ...] = ()
-    mended: bool = False
+    repaired: bool = False
     size: float = field(default=0.0, compare=False)
     repair: Repair | None = field(default=None, compare=False, repr=False)
 
@@ -74,13 +74,13 @@ class Finding:
     @property
     def record(self) -> dict[str, object]:
         """Fields as plain values, for files."""
-        names = ("kind", "place", "text", "times", "mended")
+        names = ("kind", "place", "text", "times", "repaired")
         values = {name: getattr(self, name) for name in names}
         return values | {"message": self.message.record}
 
 
 def repaired(
-    checked: Checked, findings: Iterable[Finding], mend: bool = True
+    checked: Checked, findings: Iterable[Finding], apply: bool = True
 ) -> tuple[Checked, tuple[Finding, ...]]:
     """Apply the repairs of findings, one after the other.
 
@@ -88,7 +88,8 @@ def repaired(
     ----------
     checked : what the findings are about
     findings : with or without repairs
-    mend : apply the repairs; else nothing changes, and the findings' texts say what helps
+    apply : whether to apply the repairs; else nothing changes, and the findings' texts say what
+        helps
 
     Returns
     -------
@@ -99,23 +100,23 @@ def repaired(
     for finding in findings:
         repair = finding.repair
         if repair is not None:
-            checked = repair.apply(checked) if mend else checked
-            finding = replace(finding, text=_repaired_text(finding, repair, mend), mended=mend)
+            checked = repair.apply(checked) if apply else checked
+            finding = replace(finding, text=_repaired_text(finding, repair, apply), repaired=apply)
         reported.append(replace(finding, repair=None))
     return checked, tuple(reported)
 
 
-def _repaired_text(finding: Finding, repair: Repair, mend: bool) -> Message:
+def _repaired_text(finding: Finding, repair: Repair, applied: bool) -> Message:
     """Say what was done or what helps; what is cured changes no number, and is good to know."""
     text = as_message(finding.text)
-    helps = repair.done if mend else repair.advice
-    gravity: Gravity = "good to know" if mend and repair.cures else text.gravity
+    helps = repair.done if applied else repair.advice
+    gravity: Gravity = "good to know" if applied and repair.cures else text.gravity
     return text.changed(f"{text}: {helps}" if helps else None, gravity=gravity)
 
 
 def messages_of_findings(findings: Iterable[Finding]) -> tuple[Message, ...]:
     """Messages of findings, one for each kind of fault: the worst, and how many are alike."""
-    return summarized(((finding.kind, finding.mended), finding.message) for finding in findings)
+    return summarized(((finding.kind, finding.repaired), finding.message) for finding in findings)
 
 
 def spans_of(time: Array, flags: np.ndarray) -> tuple[Span, ...]:

@@ -422,7 +422,7 @@ SAMPLES = 16  # Frames that are looked at before a body's lengths are known
 THROUGHOUT = 0.9  # Share of the frames from which on an exchange is one of all frames
 
 
-def mended_labels(model: Model, markers: Markers) -> tuple[Markers, tuple[Finding, ...]]:
+def repaired_labels(model: Model, markers: Markers) -> tuple[Markers, tuple[Finding, ...]]:
     """Exchange labels back that are exchanged throughout, before the lengths of the body are known.
 
     A calibration would else move the markers on the model to where the exchanged ones lie.
@@ -466,11 +466,11 @@ class SwapSearch:
     Attributes
     ----------
     margin : how much better an exchange must fit
-    mend : repair; else the first exchange is only reported
+    repair : whether to repair; else the first exchange is only reported
     """
 
     margin: Margin = USUAL
-    mend: bool = True
+    repair: bool = True
 
 
 def swap_findings(
@@ -513,7 +513,7 @@ def swap_findings(
         sure = swap.name != MIRRORED and (swap.certain or wrong.mean() < 0.5)
         finding = _swap_finding(swap, markers, wrong, fit, other, sure)
         findings.append(finding)
-        if finding.repair is None or not search.mend:
+        if finding.repair is None or not search.repair:
             break
         markers, _ = repaired(markers, (finding,))
         fit = inverse_kinematics(model, markers, options) if finding.times else other

@@ -55,11 +55,11 @@ class MarkerCheckOptions:
 
     Attributes
     ----------
-    mend : put right what is evident: exchanged labels, a jumping marker bridged in these frames,
+    repair : correct what is evident: exchanged labels, a jumping marker bridged in these frames,
         frames left empty that show too few markers; else it is only reported
     """
 
-    mend: bool = True
+    repair: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +110,12 @@ def checked_kinematics(
     checks = checks or MarkerCheckOptions()
     unit = length_unit(compile_tree(model))
     _check_matched(model, markers, options)
-    used, in_time = repaired(markers, time_findings(model, markers, unit), checks.mend)
+    used, in_time = repaired(markers, time_findings(model, markers, unit), checks.repair)
     fit = inverse_kinematics(model, used, options, progress)
-    fit, swapped = swap_findings(model, used, fit, options, SwapSearch(mend=checks.mend))
-    used, swapped = repaired(used, swapped, checks.mend)
+    fit, swapped = swap_findings(model, used, fit, options, SwapSearch(repair=checks.repair))
+    used, swapped = repaired(used, swapped, checks.repair)
     problem = pose_problem(compile_tree(model), fit.marker_names, fit.marker_weight, options)
-    fit, hidden = repaired(fit, hidden_findings(model, used, fit, problem), checks.mend)
+    fit, hidden = repaired(fit, hidden_findings(model, used, fit, problem), checks.repair)
     shared = set(model.marker_names)
     unknown = tuple(name for name in fit.unused_markers if name not in shared)
     findings = [
@@ -125,7 +125,7 @@ def checked_kinematics(
         *hidden,
     ]
     # Poses under wrong labels show nothing more.
-    if all(finding.mended for finding in swapped):
+    if all(finding.repaired for finding in swapped):
         columns = [used.names.index(name) for name in fit.marker_names]
         findings += size_findings(model, fit.marker_names, used.values[:, columns])
         findings += place_findings(model, used, fit, problem, unit)
@@ -149,7 +149,7 @@ def doubts_of(findings: Sequence[Finding]) -> tuple[Finding, ...]:
     return tuple(
         finding
         for finding in findings
-        if not finding.mended
+        if not finding.repaired
         and ((finding.kind in WHOLE and not finding.times) or finding.kind in (FROZEN, LOST))
     )
 

@@ -121,9 +121,9 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
     )
     with reading.about(source), progress(f"{name}: inverse kinematics", len(markers)) as advance:
         # As OpenSim, which takes labels as they are: what the checks find is reported, nothing is
-        # mended.
+        # repaired.
         checked = checked_kinematics(
-            model, markers, options, MarkerCheckOptions(mend=False), advance
+            model, markers, options, MarkerCheckOptions(repair=False), advance
         )
     fit = checked.fit
     tables = {setup.output: table_from_motion(fit.motion, model), errors: error_table(fit)}

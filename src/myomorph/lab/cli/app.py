@@ -90,7 +90,7 @@ OWN_COMMANDS = {
             "labels",
             "time",
             "draws",
-            "mend",
+            "repair",
             "root-bounds",
         ),
     ),

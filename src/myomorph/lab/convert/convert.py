@@ -57,7 +57,7 @@ class ConvertOptions:
 
 @dataclass(frozen=True)
 class Converted:
-    """Files that were written, what each holds, and what was mended or assumed."""
+    """Files that were written, what each holds, and what was corrected or assumed."""
 
     files: tuple[tuple[Path, str], ...]
     notes: tuple[Message, ...]

@@ -47,7 +47,7 @@ class Recording:
     emg : names of those that are EMG
     tables : other tables, as files hold them
     level : the plates lie level with z, so z points up
-    notes : what was mended or assumed
+    notes : what was corrected or assumed
     """
 
     name: str

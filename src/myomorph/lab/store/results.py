@@ -485,7 +485,7 @@ def findings_of(text: str) -> tuple[Finding, ...]:
             place=record["place"],
             text=Message.of_record(record.get("message", record["text"])),
             times=tuple((start, stop) for start, stop in record["times"]),
-            mended=record["mended"],
+            repaired=record.get("repaired", record.get("mended", False)),
         )
         for record in records
     )

@@ -80,7 +80,7 @@ class ForceOptions:
 
     Attributes
     ----------
-    force_checks : external forces are held against the motion: mend what is wrong and safe to mend,
+    force_checks : external forces are compared with the motion: repair what is certain,
         report it only, or none
     force_shift : added to the times of external forces, where their clock is not the motion's [s]
     force_columns : names of the columns of a table of forces in their order, between commas, where
@@ -91,7 +91,7 @@ class ForceOptions:
         table's axes [m]: x,y,z of each force, between semicolons; by default the origin
     """
 
-    force_checks: Literal["mend", "report", "none"] = "mend"
+    force_checks: Literal["repair", "report", "none"] = "repair"
     force_shift: float = 0.0
     force_columns: str = ""
     force_rate: float = 0.0

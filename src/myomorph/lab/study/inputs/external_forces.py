@@ -322,15 +322,15 @@ def checked_loads(
     """
     options = options or ForceOptions()
     findings: tuple[Finding, ...] = ()
-    mend = options.force_checks == "mend"
+    repair = options.force_checks == "repair"
     if options.force_shift:
         wrenches = replace(wrenches, time=wrenches.time + options.force_shift)
     else:
-        wrenches = on_clock(wrenches, motion.time, mend)
+        wrenches = on_clock(wrenches, motion.time, repair)
     # Of frames that are still to arrive there is no motion to hold forces against.
     if options.force_checks != "none" and len(motion) > 1:
         checks = BODY_CHECKS if shared else CHECKS
-        found = checked_forces(wrenches, model, motion, mend, checks)
+        found = checked_forces(wrenches, model, motion, repair, checks)
         findings = found.findings
         wrenches = _without_loads(found.wrenches, findings)
     texts = messages_of_findings(findings)
@@ -370,7 +370,7 @@ def _without_loads(wrenches: Wrenches, findings: Sequence[Finding]) -> Wrenches:
     return wrenches if len(kept) == len(wrenches.names) else wrenches.columns(kept)
 
 
-def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
+def on_clock(wrenches: Wrenches, time: Array, repair: bool = True) -> Wrenches:
     """Move forces to the motion's clock where theirs begins at another zero.
 
     The shift is noted.
@@ -379,7 +379,7 @@ def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
     ----------
     wrenches : external forces
     time : of the motion (frames,) [s]
-    mend : move them where the shift is certain; else it is only noted
+    repair : move them where the shift is certain; else it is only noted
 
     Returns
     -------
@@ -399,21 +399,21 @@ def on_clock(wrenches: Wrenches, time: Array, mend: bool = True) -> Wrenches:
         f" {time[0]:g} to {time[-1]:g} s"
     )
     apart = min(time[-1], wrenches.time[-1]) < max(time[0], wrenches.time[0])
-    if shift is None or (apart and not mend):
+    if shift is None or (apart and not repair):
         begin = time[0] - wrenches.time[0]
         raise BadData(
             f"{spans}: no time in common; state what is to be added to the forces' times"
             f" (--force-shift SECONDS; {begin:.4g} lets both begin together)"
         )
-    done = f"moved by {shift:.4g} s" if mend else f"not moved; --force-shift {shift:.4g} does"
+    done = f"moved by {shift:.4g} s" if repair else f"not moved; --force-shift {shift:.4g} does"
     text = CLOCKS.message(
         f"{spans}: both last equally long, so their clocks begin at different zeros: {done}",
         size=1e3 * abs(shift),
     )
-    moved = replace(wrenches, time=wrenches.time + shift) if mend else wrenches
+    moved = replace(wrenches, time=wrenches.time + shift) if repair else wrenches
     findings = (
         Finding(
-            kind="clock zero", place=", ".join(wrenches.names), text=text, times=(), mended=mend
+            kind="clock zero", place=", ".join(wrenches.names), text=text, times=(), repaired=repair
         ),
         *wrenches.findings,
     )

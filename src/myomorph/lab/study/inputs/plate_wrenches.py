@@ -137,7 +137,7 @@ def _carried(wrenches: Wrenches, warnings: Sequence[Message]) -> Wrenches:
         text = PLATES.message(
             f"nobody steps on {idle} during the motion: left out", gravity="good to know"
         )
-        findings = (*findings, Finding("idle plate", idle, text, mended=True))
+        findings = (*findings, Finding("idle plate", idle, text, repaired=True))
         warnings = (*warnings, text)
     notes = (*wrenches.notes, *warnings)
     return replace(wrenches.columns(kept), notes=notes, findings=findings)

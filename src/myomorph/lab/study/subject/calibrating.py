@@ -22,7 +22,7 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance
 from myomorph.core.model.series import Markers
 from myomorph.core.motion.ik import InverseKinematicsOptions
-from myomorph.core.motion.label_repair import mended_labels
+from myomorph.core.motion.label_repair import repaired_labels
 from myomorph.core.motion.lengths import length_unit
 from myomorph.core.motion.marker_sides import side_findings
 from myomorph.core.muscles.kinematics import default_path_lengths
@@ -112,7 +112,7 @@ def _checked(name: str, used: UsedMarkers, model: Model, findings: list[Finding]
 
     Findings are added.
     """
-    markers, exchanged = mended_labels(model, used.markers)
+    markers, exchanged = repaired_labels(model, used.markers)
     beside = side_findings(markers, model.marker_names, length_unit(compile_tree(model)))
     known = {(finding.kind, finding.place) for finding in findings}
     new = [

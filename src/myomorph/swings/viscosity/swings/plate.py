@@ -42,7 +42,7 @@ AS_GOOD = 1.1  # Of lags that leave up to this much more than the best, the smal
 MAX_LAG_FRAMES = 500  # Frames on which every lag is judged.
 # Squared distance of offset and drift from zero, in SDs, that chance passes 1 time in 20, and once
 # in 1,000: a clock that is off by little is corrected only beyond the second, for what a small
-# correction may spoil is no less than what it mends.
+# correction may spoil is no less than what it removes.
 CHANCE = 6.0
 SURE = 13.8
 LARGE_CLOCK_ERROR = 2e-3  # Lag of a recording from which the first is enough [s].

@@ -202,8 +202,8 @@ def _run(trial: TrialInputs, output: StepOutput) -> Poses:
     if recorded is not None:
         kept = np.isin(recorded.time, fit.motion.time)
         shown = replace(recorded, time=fit.motion.time, values=recorded.values[kept])
-        mended = any(finding.mended for finding in checked.findings)
-        store.put_markers(writer, checked.markers if mended else shown)
+        repaired = any(finding.repaired for finding in checked.findings)
+        store.put_markers(writer, checked.markers if repaired else shown)
     put_findings(writer, FINDINGS, checked.findings)
     return Poses(recorded=fit.motion, fit=fit, notes=notes, findings=checked.findings)
 
