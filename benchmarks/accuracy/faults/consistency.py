@@ -6,8 +6,8 @@ The same recordings are looked at without any.
 Each goes the way of `ik` and `id` with a model that is given: checked inverse kinematics, forces
 held against the motion and put on feet, torques. A finding names a fault where its kind is one of
 those that the fault has; it blames something else where it is new beside those of the clean
-recording and is none of them. "Corrected wrongly": a finding that is none of them changed markers or
-forces.
+recording and is none of them. "Corrected wrongly": a finding that is none of them changed markers
+or forces.
 
 The change of torques is the root mean square change of those of hips, knees and ankles over their
 root mean square, in the frames that both have.

@@ -9,6 +9,11 @@ from dataclasses import asdict, dataclass, field
 
 from myomorph.core.model.frozen_map import FrozenMap
 
+FORMER_OPTIONS = {"ik.mend": "ik.repair"}
+"""Names that options had in results of versions before 0.2."""
+FORMER_CHOICES = {"mend": "repair"}
+"""The same of their choices."""
+
 
 @dataclass(frozen=True)
 class Source:
@@ -77,9 +82,19 @@ class Provenance:
             return Provenance(
                 step=stored["step"],
                 sources=sources,
-                options=stored["options"],
+                options=_present_options(stored["options"]),
                 version=stored["version"],
                 date=stored["date"],
             )
         except (KeyError, TypeError) as error:
             raise ValueError(f"not a provenance: {error}") from None
+
+
+def _present_options(stored: Mapping[str, object]) -> dict[str, object]:
+    """Give options their present names, and choices theirs."""
+    return {
+        FORMER_OPTIONS.get(name, name): (
+            FORMER_CHOICES.get(value, value) if isinstance(value, str) else value
+        )
+        for name, value in stored.items()
+    }
