@@ -50,10 +50,8 @@ def test_commands_of_the_log_exist():
             assert words[-1] == "--save"
             assert "-".join(word.removeprefix("--") for word in words[:-1]) == table
         else:
-            assert (
-                row["command"]
-                == f"python -m benchmarks.validation {table if folder else ''}".strip()
-            )
+            name = table if folder else ""
+            assert row["command"] == f"python -m benchmarks.validation {name}".strip()
 
 
 def test_claims_are_those_of_the_tables():

@@ -177,7 +177,8 @@ def test_a_gait_laboratory_whose_folder_is_dropped(
     for dark in (False, True):
         app.size(400, dark)
         assert sideways(app) <= 0
-        app.picture(f"found-{'dark' if dark else 'light'}-400")
+        scheme = "dark" if dark else "light"
+        app.picture(f"found-{scheme}-400")
     app.size(WIDTH)
     app.compute("/report.html", "running")
     assert app.browser.run("document.querySelector('.answer h1, h1').textContent").strip()

@@ -269,10 +269,8 @@ def test_channels_in_other_units_give_the_same_loads(stated):
         units = tuple("Nmm" if moment else "kN" for moment in moments)
         other = Analog(channels.time, channels.names, values, units=units)
     if stated == "names":
-        titles = [
-            f"{name} [{'N·mm' if moment else 'kN'}]"
-            for name, moment in zip(channels.names, moments, strict=True)
-        ]
+        units = ["N·mm" if moment else "kN" for moment in moments]
+        titles = [f"{name} [{unit}]" for name, unit in zip(channels.names, units, strict=True)]
         named = dict(zip(channels.names, titles, strict=True))
         other = replace(other, names=tuple(titles))
         made = [

@@ -54,7 +54,8 @@ def vtp(form: str, compressed: bool = False, encoding: str = "base64") -> bytes:
         three = ' NumberOfComponents="3"' if name == "Points" else ""
         start = f'<DataArray type="{kind}" Name="{name}"{three} format="{form}"'
         if form == "ascii":
-            told.append(f"{start}>{' '.join(str(one) for one in values.ravel())}</DataArray>")
+            numbers = " ".join(str(one) for one in values.ravel())
+            told.append(f"{start}>{numbers}</DataArray>")
             continue
         header, body = _binary(values, compressed)
         data = header + body

@@ -69,7 +69,8 @@ def test_a_path_through_bone_is_found_with_its_depth(size):
     assert worst.increase == pytest.approx(worst.target)
     (warned,) = checks.of("bone")
     assert warned.place == "extensor"
-    assert f"{5.0 * size:.{1 if size == 1.0 else 2}f} mm deep through thigh" in warned.text
+    digits = 1 if size == 1.0 else 2
+    assert f"{5.0 * size:.{digits}f} mm deep through thigh" in warned.text
 
 
 def test_what_the_source_has_already_is_not_blamed_on_the_morph():

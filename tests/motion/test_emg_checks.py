@@ -139,7 +139,7 @@ def test_emg_that_does_not_overlap_or_is_unknown_is_refused():
     emg = Emg(TIME, ("a",), np.abs(_muscle()[:, None]))
     with pytest.raises(BadData, match=r"EMG runs from 0 to 2\.9995 s, the motion from 10 to 12 s"):
         refuse_unfit(emg, np.array([10.0, 12.0]))
-    with pytest.raises(BadData, match="no EMG channel has a known value: looked at 'a'"):
+    with pytest.raises(BadData, match="no EMG channel has a value, of 'a'"):
         refuse_unfit(Emg(TIME, ("a",), np.full((len(TIME), 1), np.nan)), TIME)
 
 

@@ -34,6 +34,16 @@ BRANCHES = (
     ast.comprehension,
     ast.With,
 )
+COMPUTED = (
+    ast.JoinedStr,
+    ast.IfExp,
+    ast.Lambda,
+    ast.GeneratorExp,
+    ast.ListComp,
+    ast.SetComp,
+    ast.DictComp,
+)
+"""What is a thought of its own, with a name of its own, and not a part of an f-string."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,12 +149,16 @@ def nested_conditional(node: ast.IfExp) -> str:
     return "if and return, or a table" if nested else ""
 
 
-def nested_f_string(node: ast.JoinedStr) -> str:
-    """Find an f-string in a replacement field of another."""
+def computed_field(node: ast.JoinedStr) -> str:
+    """Find another f-string, a conditional or a loop in a replacement field of an f-string.
+
+    Format specifications are fields too, and are looked at as f-strings of their own.
+    """
     fields = [part.value for part in node.values if isinstance(part, ast.FormattedValue)]
     inner = [part for value in fields for part in ast.walk(value)]
-    nested = any(isinstance(part, ast.JoinedStr) for part in inner)
-    return "give the inner text a name" if nested else ""
+    return (
+        "give the inner value a name" if any(isinstance(part, COMPUTED) for part in inner) else ""
+    )
 
 
 def functions(tree: ast.Module) -> Iterator[tuple[Function, bool]]:
@@ -249,7 +263,7 @@ RULES_OF_NODES: dict[type[ast.AST], list[tuple[str, Callable[..., str]]]] = {
     ast.Assign: [("tuple", unrelated_tuple), ("generator", unpacked_generator)],
     ast.Call: [("positional", positional_constructor), ("splat", splat_into_constructor)],
     ast.IfExp: [("conditional", nested_conditional)],
-    ast.JoinedStr: [("f-string", nested_f_string)],
+    ast.JoinedStr: [("f-string", computed_field)],
 }
 RULES_OF_FUNCTIONS: list[tuple[str, Callable[[Function, bool], str]]] = [
     ("arguments", too_many_arguments),

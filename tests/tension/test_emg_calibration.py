@@ -430,5 +430,6 @@ def test_emg_takes_no_part_where_channels_that_are_left_out_come_out_worse(pair,
         TensionInputs(model=model, motion=motion, torques=torques, options=RIGID, actuators=None),
     )
     assert (targets.target is None) == (weight == 0.0)
-    assert f"EMG takes {'part' if weight else 'no part'}" in targets.notes[0]
+    part = "part" if weight else "no part"
+    assert f"EMG takes {part}" in targets.notes[0]
     assert f"0.50 without EMG, {after:.2f} with" in targets.notes[0]

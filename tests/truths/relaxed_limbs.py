@@ -106,12 +106,13 @@ class RelaxedLeg:
             )
             for body, places in PLACES.items()
         }
+        passive_knee = knee if passive else ""
         return f"""<mujoco model="leg">\
 <option gravity="0 0 -9.81" timestep="{STEP}" integrator="RK4"/><worldbody>
           <body name="thigh" pos="0 0 1">{joint}{sites["thigh"]}
             <inertial pos="0.2 0 0" mass="8" diaginertia="0.03 0.12 0.12"/>
             <body name="shank" pos="0.42 0 0">\
-<joint name="knee" axis="0 -1 0" {knee if passive else ""}/>
+<joint name="knee" axis="0 -1 0" {passive_knee}/>
               {sites["shank"]}
               <inertial pos="0 0 {-distance}" mass="{mass}"
                 diaginertia="{inertia} {inertia} {0.2 * inertia}"/>

@@ -95,12 +95,12 @@ def _swaps(walk: Walk) -> Row:
     clean = shifted(walk.emg, motion.time, np.full(len(walk.emg.names), delay))[:, columns]
     swaps = list(_exchanged(clean, activations))
     different = [swap for swap in swaps if swap.different]
+    found = sum(swap.found for swap in swaps)
+    found_different = sum(swap.found for swap in different)
     return {
         "pairs called exchanged in the clean recording": len(swapped_channels(clean, activations)),
-        "exchanged pairs found": f"{sum(swap.found for swap in swaps)} of {len(swaps)}",
-        "of those that work at different times": (
-            f"{sum(swap.found for swap in different)} of {len(different)}"
-        ),
+        "exchanged pairs found": f"{found} of {len(swaps)}",
+        "of those that work at different times": f"{found_different} of {len(different)}",
         "another pair named": sum(swap.other for swap in swaps),
     }
 

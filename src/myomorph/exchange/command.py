@@ -68,7 +68,8 @@ def _mjcf(model: Path, mjcf: Path, geometry: Path | None, motion: Path | None) -
     for line in certificate.lines:
         said(line)
     tables = write_tables(read, certificate, mjcf)
-    said(f"wrote {mjcf}, {', '.join(path.name for path in tables)}")
+    names = ", ".join(path.name for path in tables)
+    said(f"wrote {mjcf}, {names}")
     return 0
 
 

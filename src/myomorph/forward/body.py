@@ -221,10 +221,10 @@ def refuse(model: Model) -> None:
     BadModel : it has closed loops, paths by functions of coordinates, or nothing that moves
     """
     if model.loops:
+        loops = quoted([loop.name for loop in model.loops], 3)
         raise BadModel(
-            f"model '{model.name}' has closed loops"
-            f" ({quoted([loop.name for loop in model.loops], 3)}), which a simulation does not hold"
-            " closed yet: use a model without them"
+            f"model '{model.name}' has closed loops ({loops}), which simulations do not support:"
+            " use a model without them"
         )
     if has_functions(model):
         raise BadModel(

@@ -229,7 +229,8 @@ def _say(runs: Sequence[_Done], inputs: SimulationInputs, out: Path) -> None:
         for fact, text in run.page.facts[3:]:
             said(f"  {fact}: {text}")
     if len(runs) > 1:
-        said(f"  {_difference(*(run.simulation for run in runs))}")
+        difference = _difference(*(run.simulation for run in runs))
+        said(f"  {difference}")
     said(f"report: {(out / 'report.html').resolve()}")
 
 
@@ -243,5 +244,6 @@ def _difference(first: Simulation, second: Simulation) -> str:
         name = first.motion.names[column]
         turns = kinds[name] == "rotational"
         value = np.degrees(apart[column]) if turns else apart[column]
-        parts.append(f"{name} {value:+.3g} {'deg' if turns else 'm'}")
+        unit = "deg" if turns else "m"
+        parts.append(f"{name} {value:+.3g} {unit}")
     return f"changed minus unchanged at the end: {', '.join(parts)}"

@@ -183,7 +183,8 @@ def ended(outcomes: Sequence[Outcome], out: Path) -> int:
         if any("relaxed" in outcome.done for outcome in specimens)
         else "specimens"
     )
-    said(f"{sum(1 for outcome in specimens if not outcome.error)} of {len(specimens)} {words} done")
+    done = sum(1 for outcome in specimens if not outcome.error)
+    said(f"{done} of {len(specimens)} {words} done")
     said(f"report: {(out / REPORT).resolve()}")
     return status_of(outcomes)
 

@@ -44,9 +44,8 @@ def named(name: str) -> Model:
 
 def tell(folder: Path, name: str, model: Model | None) -> Outcome:
     """Say which process has done the job, and with which model."""
-    return Outcome(
-        "s", name, folder, error=f"{os.getpid()} {'' if model is None else model.name} {id(model)}"
-    )
+    called = "" if model is None else model.name
+    return Outcome("s", name, folder, error=f"{os.getpid()} {called} {id(model)}")
 
 
 def take_long(folder: Path, name: str, model: Model | None) -> Outcome:

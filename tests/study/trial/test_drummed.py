@@ -16,6 +16,7 @@ from myomorph.core.io.sto import read_sto
 
 RATE = 48000
 STROKES = ((0.15, 0.4), (0.45, 0.8))
+KNOWN = [list(stroke) for stroke in STROKES]
 CONTACTS = f"""
 feet = false
 measured = "hidden"
@@ -26,7 +27,7 @@ name = "snare"
 distance = 0.686
 sites = ["hand"]
 direction = [0.0, 1.0, 0.0]
-known = {[list(one) for one in STROKES]}
+known = {KNOWN}
 [[site]]
 name = "hand"
 body = "fore"

@@ -144,7 +144,7 @@ def test_noise_of_a_real_recording_takes_no_part(data, walker):
     # Who names its muscles has seen it.
     named = open_emg(EmgFiles(emg=path, emg_muscles={"Voltage.R Gast": ("gasmed_r",)}), walker)
     assert named.muscles["Voltage.R Gast"] == ("gasmed_r",)
-    assert any("takes part, as its muscles are named" in text for text in named.notes)
+    assert any("is used, as its muscles are named" in text for text in named.notes)
 
 
 @pytest.mark.parametrize("offset", [-0.02, 0.05])

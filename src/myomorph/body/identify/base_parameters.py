@@ -121,7 +121,9 @@ class BaseParameters:
         for j in others[:most]:
             factor = self.combination[i, j]
             size = f"{abs(factor):.3g} "
-            text += f" {'-' if factor < 0.0 else '+'} {'' if size == '1 ' else size}{self._term(j)}"
+            sign = "-" if factor < 0.0 else "+"
+            multiple = "" if size == "1 " else size
+            text += f" {sign} {multiple}{self._term(j)}"
         left = len(others) - len(others[:most])
         return text + (f" + {left} more" if left else "")
 

@@ -37,7 +37,8 @@ def muscle_groups(
         if not abs(mean[row, m]) > 0.0:
             labels.append(split_side(name)[0])
             continue
-        labels.append(f"{split_side(rows[row])[0]} {'+' if mean[row, m] > 0.0 else '-'}")
+        sign = "+" if mean[row, m] > 0.0 else "-"
+        labels.append(f"{split_side(rows[row])[0]} {sign}")
     names = tuple(dict.fromkeys(labels))
     return names, np.array([names.index(label) for label in labels], np.int64)
 

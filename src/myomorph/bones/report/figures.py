@@ -62,7 +62,8 @@ def body_figure(morph: Morph) -> str:
     sizes = " and ".join(
         f"{whose} ({name}) {_length(scene.high - scene.low)}" for whose, name, scene in both
     )
-    unit = f"{sizes} high; {'one scale' if alike else 'each at a scale of its own'}"
+    scales = "one scale" if alike else "each at a scale of its own"
+    unit = f"{sizes} high; {scales}"
     return picture_row(
         "Source and target",
         [picture for _, picture in order],
@@ -230,7 +231,8 @@ def _axis_words(values: Array, turning: bool) -> str:
     low = float(np.min(values)) * factor
     high = float(np.max(values)) * factor
     unit = "mm" if turning else "mm/mm"
-    return f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{'°' if turning else ' mm'}"
+    over = "°" if turning else " mm"
+    return f"{unit}, from {number(low, 1.0)} to {number(high, 1.0)}{over}"
 
 
 def name_of(pair: CoordinatePair) -> str:

@@ -83,7 +83,8 @@ def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs
         body = line.cells["body"]
         name = line.cells["name"]
         if not body or not name:
-            table.wrong(line, f"has no {'name' if body else 'body'}", "every landmark needs both")
+            missing = "name" if body else "body"
+            table.wrong(line, f"has no {missing}", "every landmark needs both")
             continue
         whose = f"'{name}' of '{body}'"
         source = table.point(line, "source_", whose, "source")

@@ -400,11 +400,10 @@ def write_sto(table: Table, path: str | os.PathLike[str]) -> None:
         )
     rows, columns = table.values.shape
     title = table.facts.get("name") or Path(path).stem
+    in_degrees = "yes" if table.in_degrees else "no"
     header = (
         f"{title}\nversion=1\nnRows={rows}\nnColumns={columns + 1}\nDataType=double\n"
-        f"inDegrees={'yes' if table.in_degrees else 'no'}\nendheader\n"
-        + "\t".join(("time", *table.names))
-        + "\n"
+        f"inDegrees={in_degrees}\nendheader\n" + "\t".join(("time", *table.names)) + "\n"
     )
     line = "%.10g" + "\t%.10g" * columns + "\n"
     with written(path) as stream:

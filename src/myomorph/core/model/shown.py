@@ -100,7 +100,8 @@ def _brief_collection(value: Collection[Any]) -> str:
     items = list(value)
     plain = all(isinstance(item, str | int | float | np.number) for item in items)
     if plain and len(items) <= MAX_LISTED:
-        return f"({', '.join(brief(item) for item in items)})"
+        listed = ", ".join(brief(item) for item in items)
+        return f"({listed})"
     kinds = {type(item).__name__ for item in items}
     kind = kinds.pop() if len(kinds) == 1 else "value"
     noun = "name" if kind == "str" else kind

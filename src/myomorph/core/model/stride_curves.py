@@ -299,9 +299,9 @@ def stride_spans(
     elif isinstance(strikes, Iterable) and not isinstance(strikes, str):
         spans = list(_spans_between(_event_strikes(strikes)))
     else:
+        kind = "None: is it a walk?" if strikes is None else type(strikes).__name__
         raise BadData(
-            "strikes: expected strides, events of foot strikes or times by foot, but got"
-            f" {'None: is it a walk?' if strikes is None else type(strikes).__name__}"
+            f"strikes: expected strides, events of foot strikes or times by foot, but got {kind}"
         )
     if not spans:
         raise BadData("strikes: they mark no stride, which takes two foot strikes of one foot")

@@ -224,9 +224,8 @@ def refuse_unfit(emg: Emg, time: Array, channels: Iterable[str] | None = None) -
         )
     used = tuple(channels) if channels is not None else emg.names
     if used and not any(np.isfinite(emg[name]).any() for name in used):
-        raise BadData(
-            f"no EMG channel has a known value: looked at {', '.join(repr(name) for name in used)}"
-        )
+        channels = ", ".join(repr(name) for name in used)
+        raise BadData(f"no EMG channel has a value, of {channels}")
 
 
 def rate_against(emg: Series, time: Array) -> str:

@@ -365,11 +365,12 @@ def name_findings(
     recorded = matched + len(unused)
     near = near_names(missing, unused)
     hints = [f"'{other}' for '{name}'" for name, other in list(near.items())[:4]]
-    hint = f"is {', '.join(hints)}{', ...' if len(near) > 4 else ''} meant?" if near else ""
+    more = ", ..." if len(near) > 4 else ""
+    hint = f"is {', '.join(hints)}{more} meant? " if near else ""
     if matched < FEW * model and matched < FEW * recorded:
         text = LABELS.message(
             f"only {matched} of the model's {model} markers are among the {recorded} recorded: not"
-            f" in the model are {quoted(unused)}; {hint + ' ' if hint else ''}map the names with"
+            f" in the model are {quoted(unused)}; {hint}map the names with"
             " --labels (labels in a study)",
             gravity="changes results",
         )

@@ -151,7 +151,8 @@ def array_name(number: str, ndim: int, layout: str, writeable: bool) -> str:
     layout : order of its values, C, F or A for neither
     writeable : whether its values may be changed
     """
-    return f"{number} {ndim} {layout} {'w' if writeable else 'r'}"
+    access = "w" if writeable else "r"
+    return f"{number} {ndim} {layout} {access}"
 
 
 @cache

@@ -154,6 +154,7 @@ class Certificate:
             (each for each in self.differences if not each.within),
             key=lambda each: -max(each.length, each.arm),
         )
+        steps = "steps" if self.steps else "does not step"
         return (
             *self._of_paths(beyond),
             *self._of_slopes(beyond),
@@ -162,7 +163,7 @@ class Certificate:
             *self._of_other_version(),
             f"MuJoCo {self.version}: mass differs by {self.mass:.1e} kg, inverse dynamics by"
             f" {self.torque:.1e} of {self.largest_torque:.0f} N m; it"
-            f" {'steps' if self.steps else 'does not step'} from its default pose",
+            f" {steps} from its default pose",
             *self._of_forces(),
             *self.notes,
         )
@@ -200,9 +201,10 @@ class Certificate:
         ]
         if not own:
             return []
+        muscles = [each.muscle for each in own]
         return [
             f"in {len(own)} of them lengths agree, but OpenSim's moment arms are not the slopes"
-            f" of its lengths, as MuJoCo's are: {quoted([each.muscle for each in own], 4)}"
+            f" of its lengths, as MuJoCo's are: {quoted(muscles, 4)}"
         ]
 
     def _of_poses_together(self) -> list[str]:
@@ -222,10 +224,11 @@ class Certificate:
         if not strengths:
             return []
         worst = max(strengths, key=lambda each: each.force)
+        moving = max(each.moving_force for each in strengths)
         return [
             f"MuJoCo's muscles differ by up to {100.0 * worst.force:.0f} % of their strength"
             f" where they rest ('{worst.muscle}'), by"
-            f" {100.0 * max(each.moving_force for each in strengths):.0f} % where they move: the"
+            f" {100.0 * moving:.0f} % where they move: the"
             " table of curves has ours"
         ]
 

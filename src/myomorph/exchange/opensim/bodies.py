@@ -157,10 +157,10 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
         whole = _center_of_mass(model, moved, numbers)
         values = [np.hstack(pair) for pair in zip(values, whole, strict=True)]
     place = "bodyLocal" if in_body else "global"
-    tables = {
-        f"{kind}_{place if kind != 'pos' else 'global'}": here.table(labels, part, title, degrees)
-        for (kind, title), part in zip(TITLES.items(), values, strict=True)
-    }
+    tables = {}
+    for (kind, title), part in zip(TITLES.items(), values, strict=True):
+        frame = place if kind != "pos" else "global"
+        tables[f"{kind}_{frame}"] = here.table(labels, part, title, degrees)
     return (
         tables,
         f"body kinematics: {len(here.motion)} frames, {len(bodies)} bodies",

@@ -302,7 +302,8 @@ def _actuators(setup: AnalyzeSetup, model: Model) -> tuple[Actuator, ...]:
 
 def _table_name(*parts: str) -> str:
     """Return the file of a table, whose name joins the parts that are not empty."""
-    return f"{'_'.join(part for part in parts if part)}.sto"
+    stem = "_".join(part for part in parts if part)
+    return f"{stem}.sto"
 
 
 def _named_files(setup: AnalyzeSetup, chosen: Sequence[Analysis]) -> list[Path | None]:

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.errors import counted
 from myomorph.core.model.known import Known
 from myomorph.core.model.movement import Movement
 from myomorph.lab.analysis.animal_gait import GAIT_MOVEMENTS, found_gait
@@ -230,7 +231,7 @@ def movement_of_contacts(contacts: SeenContacts | None) -> Known[Movement]:
         return Known()
     turns = f"feet take turns {contacts.steps} times"
     if contacts.flies:
-        sentence = f"{turns}, {_counted(contacts.flights)}"
+        sentence = f"{turns}, {counted(contacts.flights, 'flight')}"
         return Known(value="running", origin=contacts.origin, sentence=sentence)
     sentence = f"{turns}, {contacts.supports} of them while both are on the ground"
     return Known(value="walking", origin=contacts.origin, sentence=sentence)
@@ -251,10 +252,8 @@ def _of_a_motion(motion: SeenMotion) -> Known[Movement]:
         return _by_markers("jumping", f"both feet leave the ground side by side, {counted}")
     if steps and abs(motion.climb) > MIN_CLIMB:
         way = 100.0 * motion.climb * motion.body.leg
-        return _by_markers(
-            "stairs",
-            f"feet pass each other and end {abs(way):.0f} cm {'higher' if way > 0.0 else 'lower'}",
-        )
+        end = "higher" if way > 0.0 else "lower"
+        return _by_markers("stairs", f"feet pass each other and end {abs(way):.0f} cm {end}")
     if steps and flights:
         return _by_markers("running", f"feet pass each other {_times(motion)}, {counted}")
     if steps:
@@ -265,7 +264,7 @@ def _of_a_motion(motion: SeenMotion) -> Known[Movement]:
 def _flights_in_words(motion: SeenMotion) -> str:
     """Say how often the body flies, and what shows it where markers do not."""
     flights = motion.flight_count
-    text = _counted(flights) if flights else "without a flight"
+    text = counted(flights, "flight") if flights else "without a flight"
     return text if motion.flights_by is None else f"{text} by {motion.flights_by.origin}"
 
 
@@ -282,10 +281,6 @@ def _of_an_animal(motion: SeenMotion, steps: bool) -> Known[Movement]:
 
 def _times(motion: SeenMotion) -> str:
     return "once" if motion.passes == 1 else f"{motion.passes} times"
-
-
-def _counted(flights: int) -> str:
-    return f"{flights} flight{'s' if flights > 1 else ''}"
 
 
 def _in_place(motion: SeenMotion) -> Known[Movement]:

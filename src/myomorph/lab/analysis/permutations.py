@@ -200,9 +200,8 @@ def _groups(first: ArrayLike, second: ArrayLike | None) -> list[Array]:
     sizes = [len(group) for group in groups]
     if min(sizes) < MIN_SUBJECTS:
         who = f"{sizes[0]} pairs" if second is None else f"groups of {sizes[0]} and {sizes[1]}"
-        raise BadData(
-            f"{who}: a test needs {MIN_SUBJECTS} or more{'' if second is None else ' in each'}"
-        )
+        where = "" if second is None else " in each"
+        raise BadData(f"{who}: a test needs {MIN_SUBJECTS} or more{where}")
     return groups
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from myomorph.core.io.carried_meshes import carry_meshes
 from myomorph.core.io.osim.write import write_osim
-from myomorph.core.model.errors import BadData, BadFile, UnknownName, few, listing
+from myomorph.core.model.errors import BadData, BadFile, UnknownName, counted, few, listing
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
@@ -712,8 +712,9 @@ def _check_time(
     used = cut_to(time, markers, path)
     count = len(markers if used is None else cut(markers, *used))
     if count < MIN_FRAMES:
+        within = " (--time)" if time else ""
         raise BadData(
-            f"{path}: holds {count} frame{'' if count == 1 else 's'}{' (--time)' if time else ''},"
+            f"{path}: holds {counted(count, 'frame')}{within},"
             f" derivatives need {MIN_FRAMES} in a row: give a longer recording, and this one as"
             " --static where nobody moves in it"
         )
@@ -737,9 +738,10 @@ def _check_time(
 def _of_generic_model(model: Model, arms: bool, height: float | None) -> str:
     """Describe the model that stands in where none was given."""
     of_height = "" if height is None else f", from those of a body of {height:g} m"
+    parts = "legs, trunk and arms" if arms else "legs and trunk"
     return (
         "No model was given (--model FILE): myo-sim's"
-        f" legs{', trunk and arms' if arms else ' and trunk'} with {len(model.muscles)}"
+        f" {parts} with {len(model.muscles)}"
         f" muscles, {len(model.markers)} markers placed on its bones by landmark, its segments"
         f" stretched to the recordings{of_height}. "
     )

@@ -150,10 +150,11 @@ def proposed_table(proposals: Sequence[Proposal], source: str) -> str:
     for label, site, distance in proposals:
         key = f"{site.side} {site.key}".strip()
         alone = bool(site.side) and not {(site.key, side) for side in SIDES.values()} <= sides
+        note = "; NONE ON THE OTHER SIDE" if alone else ""
         lines.append(
             f'"{label}" = "{key}"  # {site}, {100.0 * distance:.0f} cm from there on the generic'
             " model"
-            f"{'; NONE ON THE OTHER SIDE' if alone else ''}"
+            f"{note}"
         )
     return "\n".join(lines) + "\n"
 

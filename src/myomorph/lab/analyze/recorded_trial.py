@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.core.model.errors import BadFile, few
+from myomorph.core.model.errors import BadFile, counted, few
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import feet_of
@@ -219,10 +219,7 @@ def _measured_forces(
         loads = replace(loads, loads=path)
         texts += _table_sentences(path, request)
     elif plates and feet:
-        texts.append(
-            f"External forces of {len(plates)} plate{'s' if len(plates) > 1 else ''} of the"
-            " recording."
-        )
+        texts.append(f"External forces of {counted(len(plates), 'plate')} of the recording.")
         # Named, so that a file of forces beside the recording is not taken for them.
         loads = replace(loads, loads=recording.path)
     found = path is not None or bool(plates and feet)
@@ -345,10 +342,8 @@ def protocol_sentences(moving: Sequence[Recording], of_model: Sequence[str] = ()
             if title
             else "no known marker protocol, but labels in common use"
         )
-        text = (
-            f"{few([one.path.name for one in own])}: {what}; {len(known.sites)} labels lie on known"
-            " landmarks"
-        )
+        files = few([one.path.name for one in own])
+        text = f"{files}: {what}; {len(known.sites)} labels lie on known landmarks"
         if title and known.common:
             text += f", {len(known.common)} of them by common names ({few(known.common)})"
         unknown = [

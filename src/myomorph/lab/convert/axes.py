@@ -141,13 +141,11 @@ def _facing(recording: Recording, forward: Forward) -> Recording:
     if not quarter:
         return recording
     matrix = np.round(axis_rotation(level, 0.5 * np.pi * quarter)) + 0.0
+    angle = 90 * quarter if quarter < 3 else -90
     return rotated(
         recording,
         matrix,
-        READING.message(
-            f"turned by {90 * quarter if quarter < 3 else -90} degrees: the walk goes along"
-            f" {forward}"
-        ),
+        READING.message(f"rotated by {angle} degrees: the walk goes along {forward}"),
     )
 
 

@@ -86,7 +86,7 @@ def _row(trial: SessionTrial) -> tuple[str, ...]:
     return (
         trial.name,
         trial.person,
-        f"{trial.movement}{' (by name)' if by_name else ''}",
+        f"{trial.movement} (by name)" if by_name else str(trial.movement),
         duration,
         rate,
         _count(trial.markers),

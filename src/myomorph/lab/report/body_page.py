@@ -150,4 +150,5 @@ def _interval(value: float, sd: float) -> tuple[float | None, float | None]:
 
 def _with_unit(name: str) -> str:
     """Write a measurement with its unit."""
-    return f"{name}, {'kg' if name == 'mass' else 'm'}"
+    unit = "kg" if name == "mass" else "m"
+    return f"{name}, {unit}"

@@ -310,10 +310,8 @@ def _turn(
     turn = 180.0 if turn == -180.0 else turn + 0.0
     if turn == 0.0:
         return 0.0, ""
-    return (
-        turn,
-        f"{way} {abs(faces):.0f}° to the {'left' if faces > 0.0 else 'right'} of the x axis",
-    )
+    side = "left" if faces > 0.0 else "right"
+    return turn, f"{way} {abs(faces):.0f}° to the {side} of the x axis"
 
 
 def stands_still(places: Iterable[Array]) -> bool:

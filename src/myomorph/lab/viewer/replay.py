@@ -383,11 +383,10 @@ def _scale() -> str:
 
 def _key(layers: Sequence[str]) -> str:
     """Explain the colors of layers, as HTML."""
-    dots = [
-        f'<span><b style="color:rgb({",".join(str(channel) for channel in COLORS[name])})">●</b>'
-        f" {LAYERS[name]}</span>"
-        for name in layers
-    ]
+    dots = []
+    for name in layers:
+        color = ",".join(str(channel) for channel in COLORS[name])
+        dots.append(f'<span><b style="color:rgb({color})">●</b> {LAYERS[name]}</span>')
     return f'<div style="{SMALL};flex-wrap:wrap">{"".join(dots)}</div>'
 
 

@@ -93,7 +93,8 @@ def coordinate_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Char
         )
         for index, name in enumerate(names)
     )
-    return Chart(f"{label} [{'°' if angle else 'm'}]", curves)
+    unit = "°" if angle else "m"
+    return Chart(f"{label} [{unit}]", curves)
 
 
 def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | None:
@@ -106,7 +107,8 @@ def torque_chart(body: PlayedBody, label: str, names: Sequence[str]) -> Chart | 
     for index, name in enumerate(name for name in names if name in torques.names):
         curve = Curve(name, at_times(body.time, torques.time, torques[name]), _ink(name, index))
         curves.append(_with_limits(body, GENERALIZED_FORCE, name, curve))
-    return Chart(f"{label}, {'moment' if unit == 'N m' else 'force'} [{unit}]", tuple(curves))
+    what = "moment" if unit == "N m" else "force"
+    return Chart(f"{label}, {what} [{unit}]", tuple(curves))
 
 
 def _are_angles(body: PlayedBody, names: Sequence[str]) -> bool:

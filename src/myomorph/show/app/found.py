@@ -116,7 +116,8 @@ def found_session(look: Look) -> Found:
 def results_folder(look: Look) -> Path:
     """Folder for results beside the recordings, one whose study file nobody has changed."""
     folder = look.folder if look.folder.is_dir() else look.folder.parent
-    name = f"{look.folder.stem if look.folder.is_file() else look.folder.name}_results"
+    stem = look.folder.stem if look.folder.is_file() else look.folder.name
+    name = f"{stem}_results"
     home = folder if os.access(folder, os.W_OK) else documents_folder()
     out = home / name
     number = 2

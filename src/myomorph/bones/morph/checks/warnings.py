@@ -291,10 +291,8 @@ def surface_warnings(morph: Morph, longest: float, options: CheckOptions) -> Ite
         near = abs(point.depth_source) * size <= options.near_surface * longest
         off = depth - size * abs(point.depth_source)
         if near and off > options.off_surface * longest:
-            where = (
-                f"{_mm(depth)} {'outside' if point.depth_target > 0.0 else 'inside'} the bone of"
-                f" {point.target_body}"
-            )
+            side = "outside" if point.depth_target > 0.0 else "inside"
+            where = f"{_mm(depth)} {side} the bone of {point.target_body}"
             text = (
                 f"{point.owner}: {point.name} lies {where}, source {_mm(abs(point.depth_source))}"
             )

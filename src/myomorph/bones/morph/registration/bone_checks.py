@@ -178,10 +178,11 @@ def _check_order(body: str, landmarks: FeaturePoints, enough: float, rms: float)
             f"'{landmarks.names[row]}' where '{landmarks.names[order[row]]}' is"
             for row in wrong[:4]
         )
+        more = ", ..." if wrong[4:] else ""
         raise BadData(
             f"the landmarks of '{body}' are in another order on the target: with {len(wrong)} of"
             f" {len(order)} interchanged they fit within {mm(best)} instead of {mm(rms)}"
-            f" ({listed}{', ...' if wrong[4:] else ''})"
+            f" ({listed}{more})"
         )
 
 

@@ -347,10 +347,7 @@ class _Group:
             sd=np.array([CLOCK_SD]),
             least=LEAST["clock"],
             starts=np.linspace([-0.15], [0.15], 11),
-            text=lambda values: (
-                f"{abs(1000.0 * values[0]):.0f} ms {'late' if values[0] > 0.0 else 'early'}"
-                " against the motion"
-            ),
+            text=lambda values: f"{_late(values[0])} relative to the motion",
         )
 
 
@@ -395,11 +392,21 @@ def _lost(none: Correction, place: str, time: float) -> Hypothesis:
         least=LEAST["lost"],
         starts=np.array([[-0.12], [-0.05], [0.05], [0.12]]),
         text=lambda values: (
-            f"{abs(1000.0 * values[0]):.0f} ms {'late' if values[0] > 0.0 else 'early'}"
-            f" from about {time:.2f} s on: samples of"
-            f" {'the motion' if values[0] > 0.0 else 'the forces'} are lost there"
+            f"{_late(values[0])} from about {time:.2f} s on: samples of {_shorter(values[0])} are"
+            " lost there"
         ),
     )
+
+
+def _late(lag: float) -> str:
+    """Write a lag [s] as a number and a direction."""
+    direction = "late" if lag > 0.0 else "early"
+    return f"{abs(1000.0 * lag):.0f} ms {direction}"
+
+
+def _shorter(lag: float) -> str:
+    """Name the recording whose samples are lost where the forces lag by so much [s]."""
+    return "the motion" if lag > 0.0 else "the forces"
 
 
 def _tilted(*, kind: str, place: str, words: str, make: Maker) -> Hypothesis:

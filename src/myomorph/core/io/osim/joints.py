@@ -392,9 +392,8 @@ def _transform_axis(
                 " move"
             )
     if function.arity > len(names):
-        raise joint.bad(
-            f"its axis {name} has a {inner.kind if inner else 'function'} but no coordinate"
-        )
+        kind = inner.kind if inner else "function"
+        raise joint.bad(f"its axis {name} has a {kind} but no coordinate")
     pure = inner is not None and inner.kind == "LinearFunction" and is_unit_line(function)
     return (
         Axis(

@@ -385,7 +385,8 @@ def _cut(node: Node, joint: Joint, tree: Tree) -> None:
             f"{node.document.path}: joint '{joint.name}' joins '{joint.parent}' to '{joint.child}'"
         )
     stem = f"{joint.child}_slave_"
-    name = f"{stem}{sum(body.name.startswith(stem) for body in tree.bodies)}"
+    number = sum(body.name.startswith(stem) for body in tree.bodies)
+    name = f"{stem}{number}"
     node.document.warn(f"joint '{joint.name}' closes a loop: it was cut at body '{joint.child}'")
     still = Transform.identity()
     tree.bodies.append(Body(name=name, mass=0.0, mass_center=np.zeros(3), inertia=np.zeros((3, 3))))

@@ -167,7 +167,8 @@ def _printed(verdict: Verdict) -> dict[str, str]:
     """Write a verdict as text, by the names that the template has."""
     limit = "none agreed" if verdict.limit is None else "0"
     if verdict.limit:
-        limit = f"{number(verdict.limit)} {'%' if '%' in verdict.unit else verdict.unit}"
+        unit = "%" if "%" in verdict.unit else verdict.unit
+        limit = f"{number(verdict.limit)} {unit}"
     whole = (
         verdict.value == int(verdict.value) and "%" not in verdict.unit and "cm" not in verdict.unit
     )

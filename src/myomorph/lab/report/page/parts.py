@@ -162,9 +162,8 @@ class Quantity(StrEnum):
 
         With contacts, it is what is left beside estimated ones.
         """
-        return Quantity[
-            f"{'CONTACT' if contacts else 'RESIDUAL'}_{what.upper()}_{statistic.upper()}"
-        ]
+        kind = "CONTACT" if contacts else "RESIDUAL"
+        return Quantity[f"{kind}_{what.upper()}_{statistic.upper()}"]
 
 
 @dataclass(frozen=True)

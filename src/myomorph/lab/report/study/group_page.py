@@ -55,10 +55,10 @@ def group_page(comparison: Comparison, page_head: PageHead) -> str:
 
 
 def _facts(comparison: Comparison) -> list[tuple[str, str]]:
-    rows = [
-        (name, f"{len(animals)} animals or subjects, {sum(count for _, count in animals)} strides")
-        for name, animals in zip(comparison.names, comparison.animals, strict=True)
-    ]
+    rows = []
+    for name, animals in zip(comparison.names, comparison.animals, strict=True):
+        strides = sum(count for _, count in animals)
+        rows.append((name, f"{len(animals)} animals or subjects, {strides} strides"))
     if comparison.tested:
         how = (
             "all permutations"

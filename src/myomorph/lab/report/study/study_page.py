@@ -259,10 +259,8 @@ def _described(study: StudyInput) -> list[Section]:
         described for described in study.described if described.quantity.startswith(of_strides)
     ]
     rest = [described for described in study.described if described not in first]
-    parts = (
-        (first, "Strides", False),
-        (rest, f"All {len(rest)}{' others' if first else ''}", True),
-    )
+    which = f"{len(rest)} others" if first else str(len(rest))
+    parts = ((first, "Strides", False), (rest, f"All {which}", True))
     grids = tuple(
         Grid(
             head=("Quantity", *names),

@@ -189,10 +189,8 @@ def _printed(analysis: MotionAnalysis, person: Person) -> str:
     printed = []
     if np.isfinite(mean) and rest > 0.1 * mean:
         less = 100 * (mean - rest)
-        than = (
-            f"{number(abs(less), 0.1)} cm {'lower' if less < 0 else 'higher'} than in the model's"
-            " default posture"
-        )
+        way = "lower" if less < 0 else "higher"
+        than = f"{number(abs(less), 0.1)} cm {way} than in the model's default posture"
         printed.append(f"on average {number(100 * mean, 0.1)} cm above the lowest joint, {than}")
     if np.isfinite(person.still):
         less = 1000 * (float(np.nanmean(person.center.values[:, 0])) - person.still)

@@ -134,8 +134,11 @@ def residual_verdict(model: Model, motion: Motion, torques: Series, wrenches: Wr
         force <= tables.RESIDUAL_FORCE * peak and moment <= tables.RESIDUAL_MOMENT * peak * height
     )
     limits = f"{100 * tables.RESIDUAL_FORCE:g} and {100 * tables.RESIDUAL_MOMENT:g} %"
-    judged = f"{'within' if within else 'over'} the limits of {limits} (Hicks et al. 2015)"
-    return f"{shares} of the peak external force (times height), {judged}"
+    judged = "within" if within else "over"
+    return (
+        f"{shares} of the peak external force (times height), {judged} the limits of {limits}"
+        " (Hicks et al. 2015)"
+    )
 
 
 def tension_line(model: Model, tension: Tension) -> str:
@@ -294,10 +297,8 @@ def calibration_line(calibration: Calibration) -> str:
             np.nanmean(np.where(np.isfinite(after).any(axis=0), after, 0.0) ** 2, axis=0)
         )
     worst = int(np.nanargmax(each))
-    ended = (
-        f"{'converged' if calibration.converged else 'NOT converged'} after {calibration.steps}"
-        " steps"
-    )
+    status = "converged" if calibration.converged else "NOT converged"
+    ended = f"{status} after {calibration.steps} steps"
     ended += f" (last change {calibration.last_change:.1g})"
     fixed = Counter(angle.source for angle in calibration.zero_angles)
     counts = ", ".join(f"{name} {fixed[name]}" for name in SOURCES if fixed[name])

@@ -235,7 +235,7 @@ def judged_residual(
     Verdicts, each with the frame that it is of
     """
     force = what == "force"
-    unit = f"% of {'' if force else 'COM height × '}peak external force"
+    unit = "% of peak external force" if force else "% of COM height × peak external force"
     limit, size = (RESIDUAL_FORCE, "N") if force else (RESIDUAL_MOMENT, "N·m")
     peak = int(np.nanargmax(values))
     rows = []
@@ -493,10 +493,8 @@ def stretch_verdict(
         shares = few(
             [f"{name} {100.0 * share:.0f} % at {time:.2f} s" for name, share, time in passive], 8
         )
-        detail += (
-            f"{'; ' if detail else ''}largest passive forces of the maximum isometric force:"
-            f" {shares}"
-        )
+        separator = "; " if detail else ""
+        detail += f"{separator}largest passive forces of the maximum isometric force: {shares}"
     worst = names[0] if names else ""
     return Verdict(
         quantity=Quantity.OVERSTRETCHED,

@@ -199,10 +199,8 @@ def _calibration_lead(calibration: Calibration) -> str:
     lead = "Segment lengths and marker positions that fit the recordings"
     frames = sum(len(chosen) for chosen in calibration.frames)
     lead += f", from {number(frames, 1.0)} frames." if frames else "."
-    lead += (
-        f" {'Converged' if calibration.converged else 'NOT converged'} after {calibration.steps}"
-        " steps, "
-    )
+    status = "Converged" if calibration.converged else "NOT converged"
+    lead += f" {status} after {calibration.steps} steps, "
     return lead + f"last change {calibration.last_change:.1g} of a length or a meter."
 
 
@@ -293,7 +291,8 @@ def _compared_grid(
     def told(value: float, name: str) -> str:
         if unit == "°" and name in turning:
             return f"{number(float(np.rad2deg(value)))} °"
-        return f"{number(value)} {unit if name in turning or not other else other}".strip()
+        shown_unit = unit if name in turning or not other else other
+        return f"{number(value)} {shown_unit}".strip()
 
     def group(text: str, chosen: list[Comparison], name: str) -> tuple[str, ...]:
         rms = float(np.sqrt(np.mean([row.rmse**2 for row in chosen])))

@@ -148,7 +148,7 @@ def _from_raw(
     peaks = largest([channels], options) if maxima is None else maxima
     faults = emg_checks.raw_faults(channels)
     emg = emg_checks.without_faults(envelopes(channels, options, maxima), faults)
-    scaled = f"scaled to {'the reference' if reference else 'their own largest value'}"
+    scaled = "scaled to the reference" if reference else "scaled to their own largest value"
     made = f"{files.emg.name}: raw EMG, made into envelopes and {scaled}"
     return RecordedEmg(
         emg=emg,
@@ -170,13 +170,11 @@ def _without_noise(opened: RecordedEmg, named: Mapping[str, tuple[str, ...]]) ->
     if not found:
         return opened
     left = {one.channel for one in found} - set(named)
+    effects = {False: "it is used, as its muscles are named", True: "it is not used"}
     notes = summarized(
         (
             one.channel in left,
-            one.message.changed(
-                f"{one.text}; it takes"
-                f" {'no part' if one.channel in left else 'part, as its muscles are named'}"
-            ),
+            one.message.changed(f"{one.text}; {effects[one.channel in left]}"),
         )
         for one in found
     )

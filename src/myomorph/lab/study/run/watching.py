@@ -153,7 +153,8 @@ class StudyWatcher:
 
     def lost(self, key: Key, why: str, again: bool) -> None:
         """Its worker is lost; the job is done again, or given up."""
-        self._say(f"lost {named(key)}: {why}; {'done again' if again else 'given up'}")
+        consequence = "done again" if again else "given up"
+        self._say(f"lost {named(key)}: {why}; {consequence}")
 
     def ended(self, outcome: Outcome) -> None:
         """Note that a job has ended, or could not begin."""
@@ -226,7 +227,8 @@ def outcome_line(outcome: Outcome) -> str:
     if outcome.error:
         parts.append(outcome.error)
     parts.append(f"{outcome.seconds:.2f} s")
-    return f"{'failed' if outcome.error else 'done'} {name}: {'; '.join(parts)}"
+    status = "failed" if outcome.error else "done"
+    return f"{status} {name}: {'; '.join(parts)}"
 
 
 def named(key: Key) -> str:

@@ -14,7 +14,7 @@ from myomorph.body.refine.refinement import ClockOffset, Errors, Refinement
 from myomorph.body.refine.subject_trial import SubjectTrial
 from myomorph.core.io.sto import table_from_motion, write_sto
 from myomorph.core.model.causes import SETTINGS
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.errors import BadData, counted
 from myomorph.core.model.findings import messages_of_findings
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.inertia import inertial_parameters
@@ -245,14 +245,15 @@ def summary(refinement: Refinement) -> list[str]:
     weight = refinement.given.mass * float(np.linalg.norm(refinement.given.gravity))
     before = refinement.before
     after = refinement.after
+    used = sum(trial.used for trial in refinement.trials)
+    frames = sum(trial.frames for trial in refinement.trials)
     lines = [
-        f"{len(refinement.trials)} {'trial' if len(refinement.trials) == 1 else 'trials'}: markers"
+        f"{counted(len(refinement.trials), 'trial')}: markers"
         f" {1e3 * before.markers:.1f} -> {1e3 * after.markers:.1f} mm, residual force"
         f" {before.force:.1f} -> {after.force:.1f} N ({100 * after.force / weight:.2g} % of body"
         f" weight), moment {before.moment:.1f} -> {after.moment:.1f} N m"
         f" ({100 * after.moment / weight:.2g} % of body weight times 1 m);"
-        f" {sum(trial.used for trial in refinement.trials)} of"
-        f" {sum(trial.frames for trial in refinement.trials)} frames with plates"
+        f" {used} of {frames} frames with plates"
     ]
     if refinement.soft_tissue is not None:
         lines.append(tissue_line(refinement.soft_tissue))
@@ -316,17 +317,13 @@ def _page(refined: Made[Refinement]) -> str:
 
     refinement = refined.found
     made = refined.provenance
+    trials = ", ".join(trial.name for trial in refinement.trials)
     return report_page(
         ReportInput(
             PageHead.of(
                 f"{refinement.model.name}: refined body and motions",
                 made,
-                (
-                    Note(
-                        "real",
-                        f"Recordings: {', '.join(trial.name for trial in refinement.trials)}.",
-                    ),
-                ),
+                (Note("real", f"Recordings: {trials}."),),
                 (*refinement.notes, *refined.warnings),
             ),
             model=refinement.model,

@@ -210,8 +210,9 @@ def _paths_line(name: str, paths: CarriedPaths) -> str:
         )
         bounds = dict.fromkeys(name for hop in paths.hops for name in hop.bounds)
         if bounds:
+            at_ends = sum(bool(hop.bounds) for hop in paths.hops)
             hops += (
-                f"; at {sum(bool(hop.bounds) for hop in paths.hops)} of them a range of the model"
+                f"; at {at_ends} of them a range of the model"
                 f" ends ({few(list(bounds), MAX_NAMED)}): the motion leads out of it"
             )
     if not count:

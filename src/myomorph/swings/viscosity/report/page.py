@@ -122,9 +122,8 @@ def _facts(viscosity_input: ViscosityInput) -> list[tuple[str, str]]:
     if parts:
         swings = sum(part.swings for part in parts)
         trials = sum(part.trials for part in parts)
-        rows.append(
-            ("Swings", f"{swings} in {trials} trials, {sum(part.seconds for part in parts):.0f} s")
-        )
+        seconds = sum(part.seconds for part in parts)
+        rows.append(("Swings", f"{swings} in {trials} trials, {seconds:.0f} s"))
     return rows
 
 

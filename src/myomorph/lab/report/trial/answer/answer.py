@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from myomorph.core.model.errors import counted
 from myomorph.core.model.message_groups import CauseGroup, grouped_messages
 from myomorph.core.model.series import Series
 from myomorph.lab.analysis.muscle_names import plain_name
@@ -106,7 +107,7 @@ def _instruments(prepared: Prepared) -> list[str]:
     plates = len(recorded_plates) if (recorded_plates := results.recorded.plates) else 0
     wrenches = results.dynamics.wrenches
     if plates:
-        words.append(f"{plates} force plate{'s' if plates > 1 else ''}")
+        words.append(counted(plates, "force plate"))
     elif wrenches is not None and len(wrenches.names):
         words.append(f"{len(wrenches.names)} measured forces")
     else:

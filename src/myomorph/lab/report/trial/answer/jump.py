@@ -158,7 +158,8 @@ def _sentence(seen: SeenJump, bend: float, knees: Mapping[str, Array | None]) ->
             f" a reactive strength index of {index}.",
         )
     plural = sum(angle is not None for angle in knees.values()) > 1
-    bends = f"the {'knees bend' if plural else 'knee bends'} {degrees(bend)} before take-off"
+    knees_bend = "knees bend" if plural else "knee bends"
+    bends = f"the {knees_bend} {degrees(bend)} before take-off"
     if not np.isfinite(seen.landing):
         return Sentence.of(f"Jumps {high} high; {bends}.")
     return Sentence.of(f"Jumps {high} high and lands with {_landing(seen)}; {bends}.")

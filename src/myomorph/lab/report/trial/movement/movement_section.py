@@ -73,7 +73,8 @@ def movement_section(prepared: Prepared, use: Use) -> Section | None:
 def _lead(numbers: MovementNumbers, measured: bool, use: Use) -> str:
     """Say how many parts there are, and why something is not shown."""
     count = len(numbers.parts)
-    words = f"{count} {numbers.one if count == 1 else numbers.many}"
+    noun = numbers.one if count == 1 else numbers.many
+    words = f"{count} {noun}"
     if count > 1 and numbers.one == "rise":
         whole = numbers.parts[-1].stop - numbers.parts[0].start
         words += f" in {whole:.1f}\u00a0s"
