@@ -410,7 +410,7 @@ def test_emg_that_nothing_can_check_takes_no_part(pair, channels):
     )
     targets = emg_targets_of(told, inputs)
     assert targets.target is None
-    assert any("EMG takes no part, as nothing checks it" in note for note in targets.notes)
+    assert any("EMG is not used, as nothing checks it" in note for note in targets.notes)
 
 
 @pytest.mark.parametrize(("after", "weight"), [(0.6, 10.0), (0.4, 0.0)])

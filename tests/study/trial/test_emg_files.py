@@ -89,7 +89,7 @@ def test_channels_that_take_no_part_are_named(tmp_path, walker):
     rows = "0\t0.1\t0.2\n1\t0.5\t0.1\n1\t0.9\t0.1\n"
     (tmp_path / "part.sto").write_text(HEAD.replace("\ta\tb", "\tsoleus_r\tb") + rows)
     found = open_emg(EmgFiles(emg=tmp_path / "part.sto"), walker)
-    assert any(note.startswith("EMG of b takes no part") for note in found.notes)
+    assert any(note.startswith("EMG of b is not used") for note in found.notes)
     assert any("time does not increase" in note for note in found.notes)
 
 
@@ -138,7 +138,7 @@ def test_noise_of_a_real_recording_takes_no_part(data, walker):
     path = data("c3d-gait-plugingait/HC030A/Straight/HC030A05.c3d")
     opened = open_emg(EmgFiles(emg=path), walker)
     noise = [text for text in opened.notes if "noise throughout" in text]
-    assert any("Voltage.R Gast" in text and "takes no part" in text for text in noise)
+    assert any("Voltage.R Gast" in text and "is not used" in text for text in noise)
     assert "Voltage.R Gast" not in opened.muscles
     assert {"Voltage.L Gast", "Voltage.R Hams", "Voltage.L Tib Ant"} <= set(opened.muscles)
     # Who names its muscles has seen it.

@@ -373,9 +373,7 @@ class HeldOut:
 
 def _unchecked(emg_calibration: EmgCalibration, why: str) -> EmgCalibration:
     """Give EMG the weight 0, as nothing can check it, and say so."""
-    warning = EMG.message(
-        f"EMG takes no part, as nothing checks it: {why} (--emg-weight 1 uses it)"
-    )
+    warning = EMG.message(f"EMG is not used, as nothing checks it: {why} (--emg-weight 1 uses it)")
     warnings = (*emg_calibration.warnings, warning)
     return replace(emg_calibration, weight=0.0, warnings=warnings)
 

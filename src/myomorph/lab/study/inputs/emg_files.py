@@ -201,7 +201,7 @@ def _left_out(
     return (
         (
             EMG.message(
-                f"EMG of {which} takes no part: the name contains no muscle of the model; name them"
+                f"EMG of {which} is not used: its name contains no muscle of the model; name them"
                 f" ({told_by})"
             )
         ),
