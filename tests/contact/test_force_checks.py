@@ -47,7 +47,9 @@ def test_a_fault_is_found_and_named(clean, fault):
     faulty = fault.change(clean)
     assert faulty is not None
     found = on_feet(faulty.wrenches, faulty.model, faulty.motion).findings
-    assert [one.kind for one in found if one.kind in fault.kinds]
+    # What looks alike in a short recording is named together.
+    kinds = {kind for one in found for kind in one.kind.split(" or ")}
+    assert kinds & set(fault.kinds)
     assert all(one.text and one.place for one in found)
 
 
@@ -155,7 +157,7 @@ def test_the_lag_of_a_clock_is_measured(clean):
         for one in check_forces(faulty.wrenches, faulty.model, faulty.motion)
         if one.kind == "clock"
     ]
-    lag = float(found.text.split("seem ")[1].split(" ms")[0])
+    lag = found.text.size
     assert lag == pytest.approx(60.0, abs=15.0)
     again = on_feet(
         faulty.wrenches, faulty.model, faulty.motion, ForceOptions(force_shift=-1e-3 * lag)
@@ -195,9 +197,10 @@ def test_a_model_that_is_too_heavy_for_its_plates(data):
     data(walk.motion)
     one = faults.recorded(data(walk.model.split("/")[0]).parent, walk)
     (found,) = check_forces(one.wrenches, one.model, one.motion)
-    assert found.kind == "mass"
-    assert "58.0 kg" in found.text
-    assert "75.2 kg" in found.text
+    assert found.kind == "mass or gain of all plates"
+    carried, _, weighs, *_ = found.text.split(" kg")
+    assert float(carried.split()[-1]) == pytest.approx(58.0, abs=0.5)
+    assert float(weighs.split()[-1]) == pytest.approx(75.2, abs=0.05)
 
 
 def test_empty_forces_other_times_and_gaps_pass(clean):
@@ -227,7 +230,7 @@ def test_a_body_out_of_view_before_and_after_does_not_hide_a_fault(data):
     values = np.array(one.motion.values)
     values[:40] = values[-40:] = np.nan
     found = check_forces(one.wrenches, one.model, replace(one.motion, values=values))
-    assert [finding.kind for finding in found] == ["mass"]
+    assert [finding.kind for finding in found] == ["mass or gain of all plates"]
 
 
 def test_center_of_a_wrench_is_that_of_its_moment():

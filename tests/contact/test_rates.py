@@ -12,7 +12,7 @@ import pytest
 from benchmarks.accuracy.faults import faults
 
 from myomorph.core.contact.force_checks import BODY_CHECKS, checked_forces
-from myomorph.core.contact.rates import RATE
+from myomorph.core.contact.rates import PACE, RATE
 from myomorph.core.model.errors import BadData
 from myomorph.core.motion.sync import resample_wrenches
 
@@ -41,7 +41,7 @@ def rates(recorded, *paces):
     found = checked_forces(
         paced(recorded.wrenches, forces), recorded.model, paced(recorded.motion, motion)
     )
-    return [finding for finding in found.findings if finding.kind == RATE]
+    return [finding for finding in found.findings if finding.kind in (RATE, PACE)]
 
 
 @pytest.mark.parametrize("factor", [0.5, 0.8, 1.25, 2.0])
@@ -75,7 +75,7 @@ def test_forces_that_feet_share_show_rates_too(clean):
     found = checked_forces(
         paced(clean.wrenches, 1.25), clean.model, clean.motion, checks=BODY_CHECKS
     )
-    assert [finding.kind for finding in found.findings] == [RATE]
+    assert [finding.kind for finding in found.findings] == [PACE]
 
 
 def test_forces_that_are_a_usual_ratio_too_short_are_asked_for_their_rate(clean):

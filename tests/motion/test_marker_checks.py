@@ -140,6 +140,18 @@ def test_a_marker_that_jumps_is_bridged_there(walk, frames):
     assert np.abs(found.fit.motion.values - clean).max() < np.radians(1.0)
 
 
+def test_two_labels_of_one_marker_are_named_and_nothing_is_put_right(walk):
+    """Whichever of both is wrong, the recording does not show it by itself."""
+    model, markers = walk
+    names = [name for name in markers.names if name in model.marker_names]
+    values = np.array(markers.values)
+    values[:, markers.names.index(names[1])] = values[:, markers.names.index(names[-1])]
+    found = checked_kinematics(model, replace(markers, values=values))
+    doubled = [one.place for one in found.findings if one.kind == "doubled marker"]
+    assert doubled == [f"{names[1]}, {names[-1]}"]
+    assert not any(one.repaired for one in found.findings)
+
+
 def test_what_is_only_told_is_not_repaired(walk):
     model, markers = walk
     name = sided(model, markers)[0][0]

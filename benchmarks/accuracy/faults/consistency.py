@@ -1,7 +1,7 @@
 """Faults that markers, plates and body together have to show.
 
-There are 64, as far as a recording can have them, in each of ten recordings of six laboratories.
-The same recordings are looked at without any.
+There are 67, as far as a recording can have them, in each of 17 recordings of eight laboratories.
+These and three more are looked at without any.
 
 Each goes the way of `ik` and `id` with a model that is given: checked inverse kinematics, forces
 held against the motion and put on feet, torques. A finding names a fault where its kind is one of
@@ -30,24 +30,28 @@ import numpy as np
 
 import myomorph as mm
 from benchmarks.accuracy.faults.consistency_faults import Case, Fault, faults
-from benchmarks.recordings import RECORDINGS, read_markers
+from benchmarks.accuracy.faults.consistency_recordings import RECORDED, Recorded
 from data_collection import data_folder
 from myomorph.core.contact.unloaded import ZERO, zero_messages
 from myomorph.core.model.errors import MyomorphError
 from myomorph.core.model.findings import Finding
 from myomorph.core.motion.marker_checks import MarkerCheckOptions, checked_kinematics
-from myomorph.core.motion.sync import cut
 from myomorph.lab.store.settings import ForceOptions
-from myomorph.lab.study.inputs.external_forces import ForceFile, on_feet, raw_loads
+from myomorph.lab.study.inputs.external_forces import on_feet
 
 Row = dict[str, object]
-SEED = 12
-"""Of the sizes that are reported; those up to 3, and 11, are the ones that were worked with."""
-MARGIN = 0.15
-"""Time by which forces are recorded longer than markers, at both ends [s]."""
+SEED = 47
+"""Of the sizes that are reported; those up to 3, 11, 12 and 31 were worked with."""
 CUTOFF = 6.0
 """Of motion and forces [Hz]."""
 CHANGE = "torques change by [%]"
+AT = "looked at while the test was made"
+LOOKED = {
+    "faults": "with these kinds of faults",
+    "other sizes": "with faults of other sizes",
+    "clean": "without faults",
+}
+"""What was looked at, by `Recorded.looked`."""
 SIZES = (
     (0.2, np.inf, "by 20 % and more, or nothing comes out"),
     (0.05, 0.2, "by 5 to 20 %"),
@@ -55,42 +59,6 @@ SIZES = (
 )
 """What faults do to torques with nothing put right."""
 OUTCOMES = ("named", "corrected", "refused", "one of several", "something else blamed", "silent")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Recording:
-    """A recording with a model of its person.
-
-    Attributes
-    ----------
-    name : laboratory and movement
-    files : its name among the recordings of the data collection
-    mass : that the plates weigh, where the model is not of the person's mass [kg]
-    time : first and last [s], None for all
-    early : time by which its forces are early [s]
-    apart : whether it was not looked at while the test was made
-    """
-
-    name: str
-    files: str
-    mass: float | None = None
-    time: tuple[float, float] | None = None
-    early: float = 0.0
-    apart: bool = True
-
-
-RECORDED = (
-    Recording(name="Rajagopal, walk", files="rajagopal", apart=False),
-    Recording(name="OpenCap, drop jump", files="opencap-jump", apart=False),
-    Recording(name="Hamner, run at 2 m/s", files="run-2", mass=82.0, apart=False),
-    Recording(name="gait2354, walk", files="gait2354"),
-    Recording(name="Lenhart, walk", files="lenhart", mass=73.2),
-    Recording(name="instrumented knee, walk 1", files="implant-1", mass=83.0),
-    Recording(name="instrumented knee, walk 3", files="implant-3", mass=83.0),
-    Recording(name="OpenCap, walk", files="opencap-walk"),
-    Recording(name="OpenCap, rising", files="opencap-rise"),
-    Recording(name="Hamner, run at 5 m/s", files="run-5", mass=82.0),
-)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,34 +75,6 @@ class Outcome:
     findings: tuple[Finding, ...] = ()
     torques: mm.Series | None = None
     refused: str = ""
-
-
-def opened(folder: Path, recording: Recording) -> Case:
-    """Open the model, markers and forces of a recording."""
-    files = RECORDINGS[recording.files]
-    model = mm.read_model(folder / files.model)
-    if recording.mass is not None:
-        share = recording.mass / model.mass
-        model = replace(
-            model,
-            bodies=tuple(
-                replace(body, mass=share * body.mass, inertia=share * body.inertia)
-                for body in model.bodies
-            ),
-        )
-    markers = read_markers(folder / files.markers)
-    if recording.time is not None:
-        markers = cut(markers, *recording.time)
-    motion = mm.inverse_kinematics(model, markers).motion
-    wrenches = raw_loads(ForceFile(path=folder / files.loads), model, motion).wrenches
-    # Forces that are late by less than the margin still cover the motion.
-    first = max(float(markers.time[0]), float(wrenches.time[0]) + MARGIN)
-    last = min(float(markers.time[-1]), float(wrenches.time[-1]) - MARGIN)
-    markers = cut(markers, first, last)
-    # What is wrong with the recording itself is put right before anything is put in.
-    wrenches = replace(wrenches, time=wrenches.time + recording.early)
-    sound = on_feet(wrenches, model, motion)
-    return Case(model=model, markers=markers, wrenches=replace(sound, findings=(), notes=()))
 
 
 def outcome(case: Case, repair: bool = True) -> Outcome:
@@ -216,23 +156,24 @@ def _is_one(finding: Finding, fault: Fault) -> bool:
 @cache
 def all_cases(folder: Path, seed: int = SEED) -> tuple[Row, ...]:
     """Cases of all recordings."""
-    return tuple(row for recording in RECORDED for row in cases(folder, recording, seed))
+    chosen = (recording for recording in RECORDED if recording.put_in)
+    return tuple(row for recording in chosen for row in cases(folder, recording, seed))
 
 
 def measure(folder: Path) -> Iterator[Row]:
     """Count outcomes by recordings and by what the faults do to torques."""
     rows = all_cases(folder)
-    for apart in (False, True):
+    for looked, recordings in LOOKED.items():
         for low, high, words in SIZES:
             chosen = [
                 row
                 for row in rows
-                if row["apart"] is apart and low <= float(str(row[CHANGE])) / 100.0 < high
+                if row[AT] == looked and low <= float(str(row[CHANGE])) / 100.0 < high
             ]
             counts = Counter(str(row["outcome"]) for row in chosen)
             named = len(chosen) - counts["silent"] - counts["something else blamed"]
             yield {
-                "recordings": "kept apart" if apart else "worked with",
+                AT: recordings,
                 "torques change": words,
                 "faults": len(chosen),
                 **{word: counts[word] for word in OUTCOMES},
@@ -244,53 +185,51 @@ def measure(folder: Path) -> Iterator[Row]:
 def measure_all(folder: Path) -> Iterator[Row]:
     """Yield every case."""
     for row in all_cases(folder):
-        yield {key: value for key, value in row.items() if key != "apart"}
+        yield {key: value for key, value in row.items() if key != AT}
 
 
 def measure_clean(folder: Path) -> Iterator[Row]:
     """List the findings on the recordings without faults."""
     for recording in RECORDED:
-        clean = outcome(opened(folder, recording))
+        clean = outcome(recording.case(folder))
         findings = clean.findings
         yield {
             "recording": recording.name,
-            "kept apart": recording.apart,
+            AT: LOOKED[recording.looked],
             "reported": "; ".join(f"{item.kind}: {item}"[:160] for item in findings) or "nothing",
         }
 
 
-def cases(folder: Path, recording: Recording, seed: int) -> Iterator[Row]:
+def cases(folder: Path, recording: Recorded, seed: int) -> Iterator[Row]:
     """Put every fault into one recording."""
-    number = [item.files for item in RECORDED].index(recording.files)
-    clean_case = opened(folder, recording)
+    clean_case = recording.case(folder)
     clean = outcome(clean_case)
-    for fault in faults(np.random.default_rng((seed, number))):
+    for fault in faults(np.random.default_rng((seed, RECORDED.index(recording)))):
         case = fault.put(clean_case)
         if case is None:
             continue
         faulty = outcome(case)
         word, wrong = judged(fault, clean, faulty)
         # Where nothing was put right, the fault is what changes torques.
-        repairs = any(item.repaired for item in faulty.findings)
-        bare = outcome(case, repair=False) if repairs else faulty
+        corrects = any(item.repaired for item in faulty.findings)
+        bare = outcome(case, repair=False) if corrects else faulty
         yield {
             "recording": recording.name,
-            "apart": recording.apart,
+            AT: recording.looked,
             "fault": fault.name,
             "outcome": word,
             CHANGE: 100.0 * change_of(clean, bare),
             "corrected wrongly": "; ".join(sorted({item.kind for item in wrong if item.repaired})),
-            "also reported": "; ".join(sorted({item.kind for item in wrong})),
+            "also said": "; ".join(sorted({item.kind for item in wrong})),
             "refused": faulty.refused[:120],
         }
 
 
 def main(arguments: Sequence[str]) -> None:
-    """Print the cases of some recordings."""
+    """Print the cases of some recordings, by parts of their names."""
     seed = int(arguments[0]) if arguments else 1
-    chosen = arguments[1:] or [item.files for item in RECORDED if not item.apart]
     for recording in RECORDED:
-        if recording.files in chosen:
+        if any(part in recording.name for part in arguments[1:] or [""]):
             for row in cases(data_folder(), recording, seed):
                 print("|".join(str(value)[:90] for value in row.values()), flush=True)
 

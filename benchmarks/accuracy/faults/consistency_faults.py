@@ -111,6 +111,7 @@ def faults(rng: np.random.Generator) -> Iterator[Fault]:
     yield from _faults_of_places(rng)
     yield from _faults_of_sizes(rng)
     yield from _faults_of_clocks(rng)
+    yield from _faults_of_wires(rng)
 
 
 def turn(axis: int, degrees: float) -> Array:
@@ -196,7 +197,7 @@ def _faults_of_bodies(rng: np.random.Generator) -> Iterator[Fault]:
         yield Fault(
             name=f"model {share:.2f} times as heavy",
             accepted=("mass", "gain of all"),
-            put=lambda case, share=share: replace(case, model=_heavier(case.model, share)),
+            put=lambda case, share=share: replace(case, model=heavier(case.model, share)),
         )
     for degrees in (rng.uniform(3.0, 4.0), rng.uniform(5.0, 6.0)):
         for axis, letter in LEVEL_AXES:
@@ -216,8 +217,18 @@ def _faults_of_bodies(rng: np.random.Generator) -> Iterator[Fault]:
         )
 
 
-def _heavier(model: mm.Model, share: float) -> mm.Model:
-    """Scale all masses and moments of inertia."""
+def heavier(model: mm.Model, share: float) -> mm.Model:
+    """Scale all masses and moments of inertia.
+
+    Parameters
+    ----------
+    model : of a body
+    share : by which its mass grows
+
+    Returns
+    -------
+    the heavier body
+    """
     return replace(
         model,
         bodies=tuple(
@@ -496,7 +507,7 @@ def _faults_of_clocks(rng: np.random.Generator) -> Iterator[Fault]:
     rate = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.018, 0.022)
     yield Fault(
         name=f"markers: rate {rate:.3f} times the true one",
-        accepted=("rate", "clock rate"),
+        accepted=("clock rate",),
         put=lambda case: case.with_markers(
             case.markers.values,
             case.markers.time[0] + (case.markers.time - case.markers.time[0]) / rate,
@@ -517,3 +528,65 @@ def _one_late(case: Case, late: float) -> Case:
             )
         parts[part] = values
     return case.with_wrenches(**parts)
+
+
+def _faults_of_wires(rng: np.random.Generator) -> Iterator[Fault]:
+    mains = float(rng.choice([50.0, 60.0]))
+    newtons = rng.uniform(20.0, 60.0)
+    yield Fault(
+        name=f"plate: {newtons:.0f} N of hum at {mains:.0f} Hz",
+        accepted=("hum",),
+        put=lambda case: _humming(case, mains, newtons),
+    )
+    spikes = rng.uniform(0.2, 0.8, int(rng.integers(2, 6)))
+    yield Fault(
+        name=f"plate: {len(spikes)} single samples",
+        accepted=("spikes",),
+        put=lambda case: _spiked(case, spikes),
+    )
+    first, second = rng.uniform(size=2)
+    yield Fault(
+        name="markers: one has the label of another, too",
+        accepted=("doubled marker",),
+        put=lambda case: _doubled(case, first, second),
+    )
+
+
+def _rate(case: Case) -> float:
+    """Rate of the plates [Hz]."""
+    return 1.0 / float(np.median(np.diff(case.wrenches.time)))
+
+
+def _humming(case: Case, mains: float, newtons: float) -> Case | None:
+    """Add a line to the vertical force, where samples are dense enough to hold one."""
+    if _rate(case) < 4.0 * mains:
+        return None
+    line = newtons * np.sin(2.0 * np.pi * mains * case.wrenches.time)
+    return case.on_plates(
+        case.plates[:1], "forces", lambda force: force + line[:, None] * (np.arange(3) == UP)
+    )
+
+
+def _spiked(case: Case, places: Array) -> Case | None:
+    """Lift single samples at shares of the time by half the largest force."""
+    if _rate(case) < 400.0:
+        return None
+    at = np.isin(np.arange(len(case.wrenches.time)), (places * len(case.wrenches.time)).astype(int))
+
+    def change(force: Array) -> Array:
+        lift = 0.5 * float(np.nanmax(force[:, UP]))
+        return force + lift * at[:, None] * (np.arange(3) == UP)
+
+    return case.on_plates(case.plates[:1], "forces", change)
+
+
+def _doubled(case: Case, first: float, second: float) -> Case:
+    """Give one of the model's markers the positions of another."""
+    known = [
+        number for number, name in enumerate(case.markers.names) if name in case.model.marker_names
+    ]
+    one = known.pop(int(first * len(known)))
+    other = known[int(second * len(known))]
+    values = np.array(case.markers.values)
+    values[:, one] = values[:, other]
+    return case.with_markers(values)

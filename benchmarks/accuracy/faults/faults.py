@@ -296,7 +296,7 @@ FORCE_FAULTS = (
 
 def verdict(fault: Fault, findings: Sequence[Finding]) -> str:
     """Return whether a fault is corrected, found or missed."""
-    named = [one for one in findings if one.kind in fault.kinds]
+    named = [one for one in findings if set(one.kind.split(" or ")) & set(fault.kinds)]
     if not named:
         return "missed"
     if all(one.repaired for one in named):

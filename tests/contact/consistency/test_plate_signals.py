@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import myomorph as mm
+from myomorph.core.contact.consistency.plate_disturbances import HUM, SPIKES
 from myomorph.core.contact.consistency.plate_signals import (
     CLIPPED,
     DEAD,
@@ -114,3 +115,31 @@ def test_a_plate_on_which_nobody_steps_is_neither_usable_nor_broken():
     signals = plate_signals(replace(wrenches, forces=forces), WEIGHT, UP)
     assert signals.findings == ()
     assert signals.usable.tolist() == [True, False]
+
+
+def humming(frequency, amplitude):
+    line = amplitude * np.sin(2.0 * np.pi * frequency * TIME + 0.4)
+    return changed(lambda force: force + line[:, None] * UP)
+
+
+@pytest.mark.parametrize("frequency", [50.0, 60.0, 100.0, 120.0, 150.0])
+def test_hum_of_the_mains_is_named_with_its_size(frequency):
+    signals = plate_signals(humming(frequency, 20.0), WEIGHT, UP)
+    (said,) = signals.findings
+    assert (said.kind, said.place) == (HUM, "one")
+    assert said.text.size == pytest.approx(20.0, rel=0.1)
+    assert f"{frequency:.0f} Hz" in said.text
+    assert signals.usable.all()
+
+
+@pytest.mark.parametrize(("frequency", "amplitude"), [(50.0, 2.0), (37.0, 20.0)])
+def test_what_is_soft_or_not_of_the_mains_is_no_hum(frequency, amplitude):
+    assert kinds(humming(frequency, amplitude)) == set()
+
+
+def test_single_samples_are_spikes_where_they_stand():
+    at = [150, 500, 1200]
+    spiked = changed(lambda force: force + 200.0 * np.isin(np.arange(len(TIME)), at)[:, None] * UP)
+    (said,) = plate_signals(spiked, WEIGHT, UP).findings
+    assert (said.kind, said.place) == (SPIKES, "one")
+    assert [start for start, _ in said.times] == pytest.approx(TIME[at])

@@ -14,18 +14,17 @@ belt does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.core.contact.consistency.balance_test import BESIDE, NOT_ONE, balance_findings
+from myomorph.core.contact.consistency.balance_test import BESIDE, NOT_ONE, Verdict, verdict_of
 from myomorph.core.contact.consistency.plate_signals import PlateSignals, plate_signals
 from myomorph.core.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
 from myomorph.core.contact.force_inspection import (
-    GAIN,
     LOAD,
     MIRRORED_PLATE,
     TURNED_PLATE,
@@ -43,13 +42,14 @@ from myomorph.core.contact.force_placement import (
     NEAR,
     NO_FOOT,
     TWO_FEET,
+    WRONG_FOOT,
     check_feet,
     check_origins,
     check_shared_plates,
 )
 from myomorph.core.contact.plate_directions import check_plate_directions
 from myomorph.core.contact.plate_gains import check_gains
-from myomorph.core.contact.rates import RATE, check_paces, check_rates
+from myomorph.core.contact.rates import PACE, RATE, check_paces, check_rates
 from myomorph.core.contact.unloaded import without_zeros, zeros_of
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import PLATES, UNITS
@@ -74,10 +74,25 @@ third of a step [m].
 """
 
 
-OVERRULED = (GAIN, "mass", "clock", TWO_FEET, NO_FOOT)
+OVERRULED = (TWO_FEET, NO_FOOT)
 """Kinds of findings that ask a part of the balance, so that the whole of it overrules them."""
-BEYOND = (LOAD, RATE, TURNED_PLATE)
+BEYOND = frozenset((LOAD, PACE, TURNED_PLATE))
 """Kinds with which the balance would only say the same in other words, or cannot be drawn up."""
+LATE = ("clock", "lost samples")
+"""Kinds that change how forces follow the motion, as a rate does."""
+MISPLACES = frozenset(
+    {
+        "clock",
+        "lost samples",
+        "clock rate",
+        "points off",
+        "plates exchanged",
+        "cameras tilted",
+        TWO_FEET,
+        NO_FOOT,
+    }
+)
+"""Kinds with which points may lie under other feet than those that made the forces."""
 FEWEST = 3
 """Frames with forces in which a motion has velocities."""
 PULLED = 0.3
@@ -369,21 +384,53 @@ def checked_forces(
     if any(not finding.times for finding in motion.findings):
         return CheckedForces(wrenches, (*signals.findings, _not_judged(wrenches, motion)))
     inspection = Inspection(without_zeros(wrenches, up), feet, signals.findings)
-    for check in (checks or CHECKS) if inspection.numbers else ():
-        # Each looks at forces in which what was found before is put right, whether the result has
-        # it so or not.
-        findings = tuple(check(inspection))
-        right, _ = repaired(inspection.wrenches, findings)
-        inspection = (
-            Inspection(right, feet, (*inspection.findings, *findings)) if findings else inspection
-        )
     known = Motion(
         motion.time[inside], motion.names, motion.values[inside], findings=motion.findings
     )
-    found = judged_by_balance(inspection, known, signals)
+    found = _judged(inspection, known, signals, checks or CHECKS)
     # Frames that are repeated or missing make the motion another one than the forces'.
     corrected, findings = repaired(wrenches, found, repair and not motion.findings)
     return CheckedForces(corrected, findings)
+
+
+def _judged(
+    inspection: Inspection, motion: Motion, signals: PlateSignals, checks: Sequence[Check]
+) -> tuple[Finding, ...]:
+    """Find how forces are to be read, and hold what is read then against the whole body.
+
+    Parameters
+    ----------
+    inspection : forces as recorded, their zeros taken off
+    motion : the frames that are looked at (frames, coordinates) [rad or m]
+    signals : of the plates
+    checks : those that are made
+    """
+    recorded = inspection.wrenches
+    parts = [check for check in checks if check in PARTS_OF_THE_BALANCE]
+    inspection = _inspected(inspection, (check for check in checks if check not in parts))
+    balance = Verdict()
+    # It asks where points lie under soles, which plates that feet share do not show.
+    if check_feet in checks:
+        on_no_foot = (item for item in inspection.findings if item.kind != WRONG_FOOT)
+        measured, _ = repaired(recorded, on_no_foot)
+        balance = _balance(inspection, motion, measured, signals)
+    if not balance.asked:
+        inspection = _inspected(inspection, parts)
+    return _together(inspection.findings, balance)
+
+
+def _inspected(inspection: Inspection, checks: Iterable[Check]) -> Inspection:
+    """Make some checks, each of forces in which what was found before is put right.
+
+    They are put right here, whether the result has them so or not.
+    """
+    for check in checks if inspection.numbers else ():
+        findings = tuple(check(inspection))
+        right, _ = repaired(inspection.wrenches, findings)
+        if findings:
+            known = (*inspection.findings, *findings)
+            inspection = Inspection(right, inspection.feet, known)
+    return inspection
 
 
 def _not_judged(wrenches: Wrenches, motion: Motion) -> Finding:
@@ -399,41 +446,69 @@ def _not_judged(wrenches: Wrenches, motion: Motion) -> Finding:
     return Finding("forces not judged", ", ".join(wrenches.names), text)
 
 
-def judged_by_balance(
-    inspection: Inspection, motion: Motion, signals: PlateSignals
-) -> tuple[Finding, ...]:
-    """Hold what was found against the balance of forces and moments of the whole body.
+def _balance(
+    inspection: Inspection, motion: Motion, measured: Wrenches, signals: PlateSignals
+) -> Verdict:
+    """Ask the balance of forces and moments of the whole body.
 
     Parameters
     ----------
-    inspection : forces with all findings, and with what they put right
+    inspection : forces with what was found of units, axes and places
     motion : the frames that are looked at (frames, coordinates) [rad or m]
+    measured : forces of whole plates, with what was found put right but for their feet
     signals : of the plates
+    """
+    model = inspection.feet.model
+    up = np.asarray(model.up)
+    said = {finding.kind for finding in inspection.findings}
+    signals = replace(plate_signals(measured, model.weight, up), findings=signals.findings)
+    if len(inspection.feet.feet) != 2 or said & BEYOND:
+        return Verdict()
+    zeros = frozenset(
+        number for number, zero in enumerate(zeros_of(measured, up)) if zero is not None
+    )
+    return verdict_of(model, motion, measured, signals, zeros)
+
+
+def _together(findings: Sequence[Finding], balance: Verdict) -> tuple[Finding, ...]:
+    """Bring the verdict of the balance and what other checks found together.
+
+    Parameters
+    ----------
+    findings : of other checks
+    balance : of the whole body
 
     Returns
     -------
     the findings, those that the balance contradicts left out, and what it shows besides
     """
-    model = inspection.feet.model
-    up = np.asarray(model.up)
-    said = {finding.kind for finding in inspection.findings}
-    signals = replace(
-        plate_signals(inspection.wrenches, model.weight, up), findings=signals.findings
-    )
-    if len(inspection.feet.feet) != 2 or not signals.usable.any() or said & set(BEYOND):
-        return inspection.findings
-    zeros = frozenset(
-        number for number, zero in enumerate(zeros_of(inspection.wrenches, up)) if zero is not None
-    )
-    new = tuple(balance_findings(model, motion, inspection.wrenches, signals, zeros))
-    new = tuple(finding for finding in new if not said & set(finding.kind.split(" or ")))
-    sure = any(not finding.kind.startswith((NOT_ONE, BESIDE)) for finding in new)
-    kept = (
-        finding
-        for finding in inspection.findings
-        if not (sure and finding.kind in OVERRULED and not finding.repaired)
-    )
+    said = {finding.kind for finding in findings}
+    new = [item for item in balance.findings if not _says_the_same(item, said)]
+    overruled = _overruled(new)
+    kept = [item for item in findings if item.kind not in overruled]
+    kinds = {kind for item in (*kept, *new) for kind in item.kind.split(" or ")}
+    if kinds & MISPLACES:
+        kept = [_as_in_file(item) for item in kept]
     return (*kept, *new)
+
+
+def _overruled(new: Sequence[Finding]) -> set[str]:
+    """Return the kinds of other checks that findings of the balance explain."""
+    sure = [item.kind for item in new if not item.kind.startswith((NOT_ONE, BESIDE))]
+    overruled = set(OVERRULED) if sure else set()
+    return overruled | {RATE} if any(kind in LATE for kind in sure) else overruled
+
+
+def _says_the_same(finding: Finding, said: set[str]) -> bool:
+    """Return whether what was said is as much as a finding of the balance says."""
+    if finding.kind == NOT_ONE:
+        return bool(said)
+    return bool(said & set(finding.kind.split(" or ")))
+
+
+def _as_in_file(finding: Finding) -> Finding:
+    """Leave a force on the foot of its file, where the foot was judged by a wrong time or place."""
+    return replace(finding, repair=None) if finding.kind == WRONG_FOOT else finding
 
 
 def _common_frames(wrenches: Wrenches, motion: Motion) -> NDArray[np.bool_]:
@@ -553,6 +628,8 @@ CHECKS: tuple[Check, ...] = (
     check_clock,
 )
 
+PARTS_OF_THE_BALANCE: tuple[Check, ...] = (check_gains, check_mass, check_clock)
+"""Those that ask a part of the balance of forces, and are made where the whole cannot be asked."""
 BODY_CHECKS: tuple[Check, ...] = (
     check_units,
     check_paces,

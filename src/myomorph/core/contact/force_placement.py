@@ -44,11 +44,16 @@ LARGE = 0.5
 """Moment over force from which moments are in mm as well, where the points are [m]."""
 SWINGS = 0.4
 """A foot that stands in a smaller share of a step swings."""
+TOUCHES = 0.2
+"""Share of the weight that a step reaches whose center of pressure shows its foot."""
 FIRM = 0.4
 """Share of the weight that two feet on one plate carry at least."""
 NO_FOOT = "under no foot"
 TWO_FEET = "two feet on one plate"
-"""Kinds of findings: a force that acts under no foot that stands, and one between two."""
+WRONG_FOOT = "wrong foot"
+"""Kinds of findings: a force that acts under no foot that stands, one between two, and one under
+another foot than that of its file.
+"""
 
 
 class Remedy(NamedTuple):
@@ -235,42 +240,18 @@ def _origin(force: Array, point: Array, torque: Array) -> Array:
 def check_feet(inspection: Inspection) -> Iterator[Finding]:
     """Find forces on one foot whose center of pressure lies under another, or under none."""
     feet = inspection.feet
-    unit = inspection.feet.unit
     stands = standing(inspection)
     for number in inspection.assigned:
-        body = inspection.wrenches.bodies[number]
-        owner = feet.owners.get(body)
-        weights = inspection.weights(number)
         distances = feet.distances(inspection.samples.centers(feet.up)[:, [number]])[:, 0]
-        # Steps with the foot that carries each, where it is another one.
-        steps: list[tuple[slice, int | None]] = []
-        lost: list[slice] = []
-        for span in inspection.episodes(number):
-            mean = np.average(
-                np.nan_to_num(distances[span], nan=9.0), axis=0, weights=weights[span]
+        steps = [
+            _step(inspection, number, span, distances=distances, stands=stands)
+            for span in inspection.episodes(number)
+        ]
+        if any(step.other is not None for step in steps):
+            yield _wrong_foot(
+                inspection, number, [(step.span, step.other) for step in steps], distances
             )
-            nearest = int(np.argmin(mean))
-            alone = weights[span] * ~_between(inspection, distances)[span]
-            mean[nearest] = (
-                np.average(distances[span, nearest], weights=alone) if alone.any() else 0.0
-            )
-            other = None
-            if mean[nearest] > FAR * unit:
-                lost.append(span)
-            elif (
-                owner is not None
-                and owner != nearest
-                and mean[owner] > NEAR * unit
-                and 2.0 * mean[nearest] < mean[owner]
-            ):
-                # A foot in the air carries nothing, however near it is.
-                if not _swings(stands[span], nearest, owner):
-                    other = nearest
-                elif mean[owner] > FAR * unit:
-                    lost.append(span)
-            steps.append((span, other))
-        if any(other is not None for _, other in steps):
-            yield _wrong_foot(inspection, number, steps, distances)
+        lost = [step.span for step in steps if step.lost]
         if lost:
             yield _lost(
                 inspection,
@@ -278,6 +259,62 @@ def check_feet(inspection: Inspection) -> Iterator[Finding]:
                 lost,
                 np.where(stands | ~stands.any(axis=1, keepdims=True), distances, np.nan),
             )
+
+
+class _Step(NamedTuple):
+    """A stretch of time in which a force acts at one foot.
+
+    Attributes
+    ----------
+    span : its frames
+    other : number of the foot that carries it, None where that is its own
+    lost : whether it acts under no foot
+    """
+
+    span: slice
+    other: int | None = None
+    lost: bool = False
+
+
+def _step(
+    inspection: Inspection,
+    number: int,
+    span: slice,
+    *,
+    distances: Array,
+    stands: NDArray[np.bool_],
+) -> _Step:
+    """Find the foot that carries a force in one step.
+
+    Parameters
+    ----------
+    inspection : forces and feet
+    number : of the force
+    span : frames of the step
+    distances : (frames, feet) of the center of pressure [m]
+    stands : (frames, feet)
+    """
+    feet = inspection.feet
+    unit = feet.unit
+    weights = inspection.weights(number)
+    mean = np.average(np.nan_to_num(distances[span], nan=9.0), axis=0, weights=weights[span])
+    nearest = int(np.argmin(mean))
+    alone = weights[span] * ~_between(inspection, distances)[span]
+    mean[nearest] = np.average(distances[span, nearest], weights=alone) if alone.any() else 0.0
+    if mean[nearest] > FAR * unit:
+        return _Step(span, lost=True)
+    owner = feet.owners.get(inspection.wrenches.bodies[number])
+    if owner is None or owner == nearest:
+        return _Step(span)
+    if mean[owner] <= NEAR * unit or 2.0 * mean[nearest] >= mean[owner]:
+        return _Step(span)
+    if mean[nearest] > NEAR * unit:
+        return _Step(span, lost=True)
+    # A foot in the air carries nothing, however near it is.
+    if _swings(stands[span], nearest, owner):
+        return _Step(span, lost=bool(mean[owner] > FAR * unit))
+    firm = weights[span].max() > TOUCHES * feet.model.weight
+    return _Step(span, other=nearest if firm else None)
 
 
 def _swings(stands: NDArray[np.bool_], foot: int, own: int) -> bool:
@@ -320,7 +357,7 @@ def _wrong_foot(
         carried, f"there it was put on '{other.heel}'", f"put it on '{other.heel}' there"
     )
     return Finding(
-        kind="wrong foot",
+        kind=WRONG_FOOT,
         place=name,
         text=text,
         times=inspection.times(span for span, _ in wrong),

@@ -38,7 +38,8 @@ from myomorph.core.model.findings import Finding
 from myomorph.core.motion.filters import lowpass
 
 RATE = "rate"
-"""Kind of a finding: a rate that is not the recording's."""
+PACE = "rate of one clock"
+"""Kinds of findings: a rate that is not the recording's, and times of forces that are stretched."""
 SLOWER = (2 / 5, 5 / 12, 1 / 2, 3 / 5, 2 / 3, 3 / 4, 4 / 5, 5 / 6)
 PACES = (*SLOWER, *(1.0 / pace for pace in SLOWER))
 """Ratios of usual rates, of 50, 60, 100, 120, 200, 240, 250 and 300 Hz, by which times of forces
@@ -144,7 +145,7 @@ def check_paces(inspection: Inspection) -> Iterator[Finding]:
         f" of one of both seems wrong in its head, by {best:.3g} times: check both in Hz",
         size=best,
     )
-    yield Finding(RATE, ", ".join(map(inspection.name, inspection.numbers)), text)
+    yield Finding(PACE, ", ".join(map(inspection.name, inspection.numbers)), text)
 
 
 def _agreement(inspection: Inspection, pace: float) -> float | None:

@@ -24,6 +24,7 @@ from myomorph.core.model.findings import Finding, Repair, Span, pairs_text, repa
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
+from myomorph.core.motion.doubled_markers import doubled_findings
 from myomorph.core.motion.drawn_markers import drawn_findings
 from myomorph.core.motion.gap_filling import bridge
 from myomorph.core.motion.ik import (
@@ -198,6 +199,7 @@ def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding,
     right, _ = repaired(right, drawn)
     return (
         *lost_findings(markers, names),
+        *doubled_findings(markers, names, unit),
         *swapped,
         *drawn,
         *_jump_findings(right, names, unit),

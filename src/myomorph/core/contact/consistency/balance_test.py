@@ -7,14 +7,15 @@ than noise. Explanations that are nearly as likely are named beside it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.core.contact.consistency.body_needs import SHORTEST, body_needs
 from myomorph.core.contact.consistency.channels import channels
-from myomorph.core.contact.consistency.corrections import Plates, hypotheses
+from myomorph.core.contact.consistency.corrected_plates import corrected_plates
+from myomorph.core.contact.consistency.corrections import Correction, Plates, hypotheses
 from myomorph.core.contact.consistency.evidence import Comparison, Tried, compared, misfit
 from myomorph.core.contact.consistency.plate_signals import BROKEN, PlateSignals
 from myomorph.core.contact.consistency.plate_signals import LOST as LOST_SAMPLES
@@ -27,19 +28,25 @@ from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion, Wrenches
 from myomorph.core.motion.lost_frames import FROZEN
 
-DECISIVE = 6.0
-"""Log evidence over nothing wrong that names a fault."""
+DECISIVE = 4.5
+"""Log evidence over nothing wrong that names a fault, where it leaves no more than noise.
+
+What is left beyond `CLEAN` is alike from frame to frame, so that evidence counts too much: more is
+asked by the square of it.
+"""
 APART = 3.0
 """Log evidence within which others are named as well."""
+CLEAN = 1.15
+"""What is left of recordings that are as they should be, over the noise, at most."""
 EXPLAINED = 2.2
 """What a correction may leave, over the noise, and still explain."""
 MUCH_BESIDE = 0.25
 """Share of the time that something else than the plates carries, from which signs and units are
 tried.
 """
-LESS_BESIDE = 0.1
+LESS_BESIDE = 0.05
 """By how much of the time that falls once they are put right."""
-SUDDEN = ("reversed", "exchanged axes", "unit", "turned plate", "points mirrored")
+SUDDEN = ("reversed", "exchanged axes", "unit", "turned plate", "points mirrored", "clock")
 """Kinds that make plates seem to carry a part of the body only."""
 FEWEST = 8
 """Frames that show something."""
@@ -123,13 +130,48 @@ def _usable(
     return usable
 
 
-def balance_findings(
+@dataclass(frozen=True, eq=False)
+class _MeasuredPlates:
+    """Plates as they were recorded.
+
+    Attributes
+    ----------
+    wrenches : on their own clock
+    signals : what shows by themselves
+    zeros : numbers of those that were seen without load
+    """
+
+    wrenches: Wrenches
+    signals: PlateSignals
+    zeros: frozenset[int]
+
+    @property
+    def live(self) -> tuple[int, ...]:
+        """Numbers of those that are stepped on and work."""
+        return tuple(int(number) for number in np.flatnonzero(self.signals.usable))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether plates, motion and body belong to each other.
+
+    Attributes
+    ----------
+    findings : one of what is wrong or none, and one for each foot beside the plates
+    asked : whether enough frames show it; else other checks have to say what they see
+    """
+
+    findings: tuple[Finding, ...] = ()
+    asked: bool = False
+
+
+def verdict_of(
     model: Model,
     motion: Motion,
     wrenches: Wrenches,
     signals: PlateSignals,
     zeros: frozenset[int] = frozenset(),
-) -> Iterator[Finding]:
+) -> Verdict:
     """Test whether plates, motion and body belong to each other.
 
     Parameters
@@ -139,23 +181,22 @@ def balance_findings(
     wrenches : of the plates, on their own clock
     signals : of the same plates
     zeros : numbers of the plates that were seen without load
-
-    Yields
-    ------
-    one finding of what is wrong or none, and one for each foot beside the plates
     """
     scene = scene_of(model, motion, wrenches, signals)
     if scene is None or not signals.usable.any():
-        return
+        return Verdict()
+    plates = _MeasuredPlates(wrenches, signals, zeros)
     found = None
-    if scene.beside > MUCH_BESIDE:
-        found = _brought_back(scene, wrenches, signals, zeros)
-    if found is None and len(scene.chosen) >= FEWEST:
-        found = _likeliest(_compared(scene, wrenches, signals, zeros), _late(motion, signals))
-    if found is not None:
-        yield found
-    elif all(wrenches.bodies) and not any(item.kind in BROKEN for item in signals.findings):
-        yield from _beside(scene)
+    if scene.beside > MUCH_BESIDE or len(scene.chosen) < FEWEST:
+        found = _brought_back(scene, plates)
+    asked = found is not None or len(scene.chosen) >= FEWEST
+    if found is None and asked:
+        found = _likeliest(_compared(scene, plates), _late(motion, signals))
+    named = all(wrenches.bodies) and not any(item.kind in BROKEN for item in signals.findings)
+    beside = tuple(_beside(scene)) if named else ()
+    if found is None or (beside and found.kind == NOT_ONE):
+        return Verdict(beside, asked)
+    return Verdict((found,), asked)
 
 
 def _late(motion: Motion, signals: PlateSignals) -> bool:
@@ -173,12 +214,23 @@ def _likeliest(found: Comparison, late: bool) -> Finding | None:
     """
     tried = [item for item in found.tried if not (late and item.hypothesis.kinds[0] in OF_CLOCKS)]
     best = next((item for item in tried if item.matters), None)
-    if best is None or best.gain < DECISIVE:
-        return None
-    rivals = [item for item in tried if item.gain > best.gain - APART]
-    # Something too small to matter explains as much.
-    trifle = any(not item.matters for item in rivals)
-    return None if trifle else _finding(best, rivals, found.left)
+    if best is not None and best.gain >= DECISIVE * max(1.0, best.left / CLEAN) ** 2:
+        rivals = [item for item in tried if item.gain > best.gain - APART]
+        # Something too small to matter explains as much.
+        if all(item.matters for item in rivals):
+            return _finding(best, rivals, found.left)
+    return _unexplained(found) if found.left > EXPLAINED else None
+
+
+def _unexplained(found: Comparison) -> Finding:
+    """Say that forces do not belong to the motion, and that nothing that is known explains it."""
+    places = dict.fromkeys(item.hypothesis.place for item in found.tried)
+    text = PLATES.message(
+        f"the forces do not belong to the motion: what is left of the balance of forces and moments"
+        f" is {found.left:.1f} times its noise; no single fault explains it",
+        gravity="changes results",
+    )
+    return Finding(kind=NOT_ONE, place=max(places, key=len), text=text)
 
 
 def _beside(scene: Scene) -> Iterator[Finding]:
@@ -206,60 +258,63 @@ def _beside(scene: Scene) -> Iterator[Finding]:
         yield Finding(kind=BESIDE, place=f"{name} foot", text=text, times=spans)
 
 
-def _compared(
-    scene: Scene, wrenches: Wrenches, signals: PlateSignals, zeros: frozenset[int]
-) -> Comparison:
-    """Compare all that may be wrong with these plates."""
-    live = tuple(int(number) for number in np.flatnonzero(signals.usable))
-    plates = Plates(
-        names=wrenches.names,
+def _compared(scene: Scene, plates: _MeasuredPlates) -> Comparison:
+    """Compare all that may be wrong with plates, a trifle that explains as much taken off first."""
+    found = _compared_as_is(scene, plates)
+    least = max(DECISIVE, found.tried[0].gain - APART)
+    for item in found.tried:
+        if item.gain > least and not item.matters and item.correction.of_plates:
+            right = corrected_plates(plates.wrenches, item.correction)
+            return _compared_as_is(_seen_with(scene, plates, right), plates)
+    return found
+
+
+def _compared_as_is(scene: Scene, plates: _MeasuredPlates) -> Comparison:
+    """Compare all that may be wrong with plates."""
+    live = plates.live
+    named = Plates(
+        names=plates.wrenches.names,
         live=live,
-        zeros=zeros,
+        zeros=plates.zeros,
         up=scene.up,
         weight=scene.weight,
         times=scene.frames.time,
     )
-    return compared(scene, list(hypotheses(plates)), live)
+    return compared(scene, list(hypotheses(named)), live)
 
 
-def _brought_back(
-    scene: Scene, wrenches: Wrenches, signals: PlateSignals, zeros: frozenset[int]
-) -> Finding | None:
-    """Find the sign, axis or unit without which plates seem to carry a part of the body only."""
+def _seen_with(scene: Scene, plates: _MeasuredPlates, wrenches: Wrenches) -> Scene:
+    """Look at a scene with other forces of its plates."""
+    seen = channels(wrenches, plates.signals.usable, scene.up, scene.weight)
+    return replace(scene, channels=seen)
+
+
+def _brought_back(scene: Scene, plates: _MeasuredPlates) -> Finding | None:
+    """Find the sign, axis, unit or clock by which plates seem to carry a part of the body only."""
     whole = replace(scene, whole=True)
     if len(whole.chosen) < FEWEST:
         return None
-    found = _compared(whole, wrenches, signals, zeros)
+    found = _compared_as_is(whole, plates)
     for item in found.tried[:3]:
         if item.gain > 2.0 * DECISIVE and item.hypothesis.kinds[0].startswith(SUDDEN):
-            right = _put_right(scene, wrenches, signals, item)
-            if right is not None:
+            left = _left_with(scene, plates, item.correction)
+            if left is not None:
                 rivals = [other for other in found.tried if other.gain > item.gain - APART]
-                return _finding(item._replace(left=right), rivals, found.left)
+                return _finding(item._replace(left=left), rivals, found.left)
     return None
 
 
-def _put_right(
-    scene: Scene, wrenches: Wrenches, signals: PlateSignals, item: Tried
-) -> float | None:
-    """Make a correction of signs, axes or units, and return what is left then.
+def _left_with(scene: Scene, plates: _MeasuredPlates, correction: Correction) -> float | None:
+    """Make a correction of signs, axes, units or clocks, and return what is left then.
 
     Returns
     -------
     over its noise; None where the plates then carry no more of the body, or do not carry it
     """
-    correction = item.correction
-    changed = replace(
-        wrenches,
-        forces=np.einsum("pij,npj->npi", correction.force, np.nan_to_num(wrenches.forces)),
-        points=np.einsum("pij,npj->npi", correction.point, np.nan_to_num(wrenches.points)),
-    )
-    again = replace(
-        scene, channels=channels(changed, signals.usable, scene.up, scene.weight), whole=False
-    )
+    again = _seen_with(scene, plates, corrected_plates(plates.wrenches, correction))
     if len(again.chosen) < FEWEST or again.beside > scene.beside - LESS_BESIDE:
         return None
-    left = misfit(again, np.flatnonzero(signals.usable).tolist())
+    left = misfit(again, plates.live)
     return left if left < 0.6 * EXPLAINED else None
 
 
@@ -272,9 +327,7 @@ def _forces(place: str) -> str:
 def _finding(best: Tried, rivals: list[Tried], left: float) -> Finding:
     """Name what is wrong, and what may be meant as well."""
     kinds = dict.fromkeys(kind for item in rivals for kind in item.hypothesis.kinds)
-    texts = dict.fromkeys(
-        f"{_forces(item.hypothesis.place)}: {item.hypothesis.text(item.values)}" for item in rivals
-    )
+    texts = dict.fromkeys(f"{_forces(item.hypothesis.place)}: {item.text}" for item in rivals)
     first, *others = list(texts)[:MOST_RIVALS]
     sure = best.left < EXPLAINED
     start = "the forces do not belong to the motion: " if not sure else ""
@@ -289,5 +342,5 @@ def _finding(best: Tried, rivals: list[Tried], left: float) -> Finding:
     return Finding(
         kind=" or ".join(kinds if sure else (NOT_ONE, *kinds)),
         place=best.hypothesis.place,
-        text=cause.message(told, gravity="changes results"),
+        text=cause.message(told, size=best.size, gravity="changes results"),
     )

@@ -137,10 +137,16 @@ class Channels:
         return PlateForces(force + correction.offset, moments + sampled.torques, points)
 
     def _samples(self, time: Array, correction: Correction) -> Array:
-        """Numbers of the samples (frames, plates), with fractions, on the plates' clocks."""
+        """Numbers of the samples (frames, plates), with fractions, on the plates' clocks.
+
+        Where a corrected clock leaves the recording, frames keep the samples that they have: what
+        was not recorded speaks neither for nor against a correction.
+        """
         late = correction.lost * (time > correction.lost_from)
         late = late + correction.rate * (time - self.time[0])
         at = (time + late)[:, None] + correction.lag
+        recorded = (at >= self.time[0]) & (at <= self.time[-1])
+        at = np.where(recorded, at, time[:, None])
         last = len(self.time) - 1
         share = (at - self.time[0]) / (self.time[-1] - self.time[0])
         return np.clip(share * last, 0.0, last - 1e-3)

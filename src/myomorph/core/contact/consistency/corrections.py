@@ -32,6 +32,10 @@ OFFSET_SD = 0.06
 """Standard deviations of what goes wrong: of a gain, of a gain beside a unit, a place [m],
 crosstalk, a tilt [rad], a clock [s], the rate of a clock, an offset over the weight.
 """
+LOST_AT = (0.3, 0.4, 0.5, 0.6, 0.7)
+"""Shares of the frames before samples are lost, as far as they are tried."""
+GRAVITY = 9.80665
+"""Standard gravity [m/s^2]."""
 LEAST = {
     "gain": 0.06,
     "mass": 0.055,
@@ -63,6 +67,7 @@ class Correction:
     gravity : (2,) tilt of the whole laboratory about the level axes [rad]
     cameras : (2,) tilt of the markers against the plates [rad]
     center : (3,) shift of the body's center of mass [m]
+    ahead : that soles lie before those of the model [m]
     exchanged : two plates whose forces are exchanged while their points stay
     """
 
@@ -77,6 +82,7 @@ class Correction:
     gravity: Array = field(default_factory=lambda: np.zeros(2))
     cameras: Array = field(default_factory=lambda: np.zeros(2))
     center: Array = field(default_factory=lambda: np.zeros(3))
+    ahead: float = 0.0
     exchanged: tuple[int, int] | None = None
 
     @property
@@ -84,6 +90,12 @@ class Correction:
         """Whether plates are sampled as they are."""
         moved = self.lag.any() or self.rate or self.lost
         return not moved and self.exchanged is None
+
+    @property
+    def of_plates(self) -> bool:
+        """Whether it is made plate by plate, beside markers and the body."""
+        of_others = self.gravity.any() or self.cameras.any() or self.center.any() or self.ahead
+        return not (of_others or self.rate or self.lost or self.exchanged is not None)
 
 
 def no_correction(plates: int) -> Correction:
@@ -110,16 +122,21 @@ class Hypothesis:
     sd : (values,) standard deviation of each, empty for what has no size
     least : size of a value from which it matters
     starts : (starts, values) from which the best values are looked for
-    text : what is wrong with the forces by values, after a colon
+    text : what is wrong with the forces by values and half widths of their intervals, after a
+        colon
+    prior : its log probability beside that of the others
+    size : of what is wrong by values, for its message; None where it has none
     """
 
     kinds: tuple[str, ...]
     place: str
     make: Maker
-    text: Callable[[Array], str]
+    text: Callable[[Array, Array], str]
     sd: Array = field(default_factory=lambda: np.zeros(0))
     least: float = 0.0
     starts: Array | None = None
+    prior: float = 0.0
+    size: Callable[[Array], float] | None = None
 
     @property
     def first_values(self) -> Array:
@@ -193,7 +210,7 @@ def hypotheses(plates: Plates) -> Iterator[Hypothesis]:
 
 def _sure(*, kind: str, place: str, text: str, correction: Correction) -> Hypothesis:
     """Make a hypothesis without a size."""
-    return Hypothesis(kinds=(kind,), place=place, make=lambda _: correction, text=lambda _: text)
+    return Hypothesis(kinds=(kind,), place=place, make=lambda _: correction, text=lambda *_: text)
 
 
 @dataclass(frozen=True, eq=False)
@@ -240,17 +257,7 @@ class _Group:
     def sizes(self) -> Iterator[Hypothesis]:
         """Gains, units and offsets."""
         everything = len(self.members) == len(self.plates.live)
-        yield Hypothesis(
-            kinds=("gain of all plates", "mass") if everything else ("gain",),
-            place=self.place,
-            make=lambda values: self._forces(np.eye(3) * (1.0 + values[0])),
-            sd=np.array([GAIN_SD]),
-            least=LEAST["mass" if everything else "gain"],
-            text=lambda values: (
-                f"{100.0 / (1.0 + values[0]):.0f} % of what the body needs"
-                + (", or the mass of the model is as far off" if everything else "")
-            ),
-        )
+        yield self._weight() if everything else self._gain()
         if everything:
             for word, factor in UNITS.items():
                 yield self._unit(word, factor)
@@ -261,10 +268,42 @@ class _Group:
                 make=lambda values: replace(self.none, offset=np.outer(self.mask, -values)),
                 sd=np.full(3, OFFSET_SD * self.plates.weight),
                 least=LEAST["offset"] * self.plates.weight,
-                text=lambda values: (
+                text=lambda values, _: (
                     "off by " + ", ".join(f"{value:.0f}" for value in values) + " N along x, y, z"
                 ),
             )
+
+    def _weight(self) -> Hypothesis:
+        """Make the hypothesis that body and plates are not of one weight."""
+        mass = self.plates.weight / GRAVITY
+        return Hypothesis(
+            kinds=("mass", "gain of all plates"),
+            place=self.place,
+            make=lambda values: self._forces(np.eye(3) * (1.0 + values[0])),
+            sd=np.array([GAIN_SD]),
+            least=LEAST["mass"],
+            text=lambda values, spread: (
+                f"carry {mass / (1.0 + values[0]):.1f} kg (±{mass * spread[0]:.1f} kg), the model"
+                f" weighs {mass:.1f} kg ({100.0 * values[0]:+.0f} %): scale the model to the"
+                " person's mass, or check the calibration of the plates"
+            ),
+            size=lambda values: 100.0 * float(values[0]),
+        )
+
+    def _gain(self) -> Hypothesis:
+        """Make the hypothesis that one plate has another gain than the others."""
+        return Hypothesis(
+            kinds=("gain",),
+            place=self.place,
+            make=lambda values: self._forces(np.eye(3) * (1.0 + values[0])),
+            sd=np.array([GAIN_SD]),
+            least=LEAST["gain"],
+            text=lambda values, spread: (
+                f"{100.0 / (1.0 + values[0]):.0f} % (±{100.0 * spread[0]:.0f} %) of what the body"
+                " needs: check the calibration of its plate (gain, range)"
+            ),
+            size=lambda values: 100.0 / (1.0 + float(values[0])) - 100.0,
+        )
 
     def _unit(self, word: str, factor: float) -> Hypothesis:
         """Make the hypothesis that forces are in a unit of so many newtons."""
@@ -273,7 +312,7 @@ class _Group:
             place=self.place,
             make=lambda values: self._forces(np.eye(3) * factor * (1.0 + values[0])),
             sd=np.array([UNIT_SD]),
-            text=lambda _: f"in {word}",
+            text=lambda *_: f"in {word}",
         )
 
     def axes(self) -> Iterator[Hypothesis]:
@@ -319,7 +358,7 @@ class _Group:
             make=lambda values: replace(self.none, shift=np.outer(self.mask, values @ level)),
             sd=np.full(2, POINT_SD),
             least=LEAST["points"],
-            text=lambda values: (
+            text=lambda values, _: (
                 f"centers of pressure off by {_along(-100.0 * values, 'cm', level)}"
             ),
         )
@@ -330,7 +369,7 @@ class _Group:
             make=lambda values: self._forces(np.eye(3) + np.outer(values @ level, vertical)),
             sd=np.full(2, TILT_SD),
             least=LEAST["crosstalk"],
-            text=lambda values: (
+            text=lambda values, _: (
                 "hold "
                 + _along(-100.0 * values, "%", level)
                 + " of the vertical force"
@@ -340,6 +379,7 @@ class _Group:
 
     def clock(self) -> Iterator[Hypothesis]:
         """Plates that are late."""
+        whole = self.all or len(self.plates.live) == 1
         yield Hypothesis(
             kinds=("clock",),
             place=self.place,
@@ -347,7 +387,8 @@ class _Group:
             sd=np.array([CLOCK_SD]),
             least=LEAST["clock"],
             starts=np.linspace([-0.15], [0.15], 11),
-            text=lambda values: f"{_late(values[0])} relative to the motion",
+            text=lambda values, spread: _late(values[0], spread[0], whole),
+            size=lambda values: 1000.0 * float(values[0]),
         )
 
 
@@ -355,15 +396,15 @@ def _of_the_whole(plates: Plates) -> Iterator[Hypothesis]:
     """List what concerns the clocks, or markers and plates together."""
     none = no_correction(len(plates.names))
     place = ", ".join(plates.names[number] for number in plates.live)
-    for time in np.quantile(plates.times, [0.3, 0.4, 0.5, 0.6, 0.7]):
-        yield _lost(none, place, float(time))
+    for share in LOST_AT:
+        yield _lost(none, place, float(np.quantile(plates.times, share)))
     yield Hypothesis(
         kinds=("clock rate",),
         place=place,
         make=lambda values: replace(none, rate=values[0]),
         sd=np.array([RATE_SD]),
         least=LEAST["rate"],
-        text=lambda values: (
+        text=lambda values, _: (
             f"at a rate that differs from the motion's by {abs(100.0 * values[0]):.1f} %"
         ),
     )
@@ -391,9 +432,11 @@ def _lost(none: Correction, place: str, time: float) -> Hypothesis:
         sd=np.array([CLOCK_SD]),
         least=LEAST["lost"],
         starts=np.array([[-0.12], [-0.05], [0.05], [0.12]]),
-        text=lambda values: (
-            f"{_late(values[0])} from about {time:.2f} s on: samples of {_shorter(values[0])} are"
-            " lost there"
+        prior=-float(np.log(len(LOST_AT))),
+        text=lambda values, _: (
+            f"{abs(1000.0 * values[0]):.0f} ms {'late' if values[0] > 0.0 else 'early'}"
+            f" from about {time:.2f} s on: samples of"
+            f" {'the motion' if values[0] > 0.0 else 'the forces'} are lost there"
         ),
     )
 
@@ -417,7 +460,7 @@ def _tilted(*, kind: str, place: str, words: str, make: Maker) -> Hypothesis:
         make=make,
         sd=np.full(2, TURN_SD),
         least=LEAST["tilt"],
-        text=lambda values: f"{words} by {np.degrees(np.linalg.norm(values)):.1f} degrees",
+        text=lambda values, _: f"{words} by {np.degrees(np.linalg.norm(values)):.1f} degrees",
     )
 
 
@@ -427,3 +470,13 @@ def _along(values: Array, unit: str, level: Array) -> str:
     return " and ".join(
         f"{value:.1f} {unit} along {axis}" for value, axis in zip(values, axes, strict=True)
     )
+
+
+def _late(late: float, spread: float, whole: bool) -> str:
+    """Write by how much plates are late [s], with the interval's half width; and what helps."""
+    side = "late" if late > 0.0 else "early"
+    text = f"{abs(1000.0 * late):.0f} ms (±{1000.0 * spread:.0f} ms) {side} against the motion"
+    if not whole:
+        return f"{text} and the other plates"
+    shift = f"{-1000.0 * late:.0f} ms (--force-shift {-late:.3f})"
+    return f"{text}: shift them by {shift}, or synchronize the recordings"

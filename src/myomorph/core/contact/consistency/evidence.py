@@ -33,8 +33,9 @@ CLOCK_SD = 0.004
 TILT_SD = 0.008
 GAIN_SD = 0.015
 POINT_SD = 0.006
+SOLE_SD = 0.015
 """What a sound laboratory has: segments' masses and accelerations by a share, the body's center of
-mass [m], clocks [s], tilts [rad], gains, points [m].
+mass [m], clocks [s], tilts [rad], gains, points [m], soles along the foot [m].
 """
 DISCRETE = 1.5
 """Price of a hypothesis without values, in log evidence."""
@@ -55,12 +56,14 @@ class Tried(NamedTuple):
     gain : log evidence over that of nothing wrong
     hypothesis : what may be wrong
     values : the best ones
+    spread : (values,) half widths of their 95 % intervals
     left : what the correction leaves, over the noise
     """
 
     gain: float
     hypothesis: Hypothesis
     values: Array
+    spread: Array
     left: float
 
     @property
@@ -68,6 +71,16 @@ class Tried(NamedTuple):
         """Whether a value is so large that it changes results."""
         sized = len(self.values) > 0
         return not sized or float(np.abs(self.values).max()) >= self.hypothesis.least
+
+    @property
+    def text(self) -> str:
+        """What is wrong with the forces, after a colon."""
+        return self.hypothesis.text(self.values, self.spread)
+
+    @property
+    def size(self) -> float | None:
+        """Size of what is wrong, in the unit of its message."""
+        return None if self.hypothesis.size is None else self.hypothesis.size(self.values)
 
     @property
     def correction(self) -> Correction:
@@ -142,6 +155,7 @@ def _uncertain(scene: Scene, live: Sequence[int]) -> Iterator[Array]:
     small = [replace(none, lag=np.full(plates, CLOCK_SD))]
     small += [replace(none, gravity=TILT_SD * axis) for axis in np.eye(2)]
     small += [replace(none, center=CENTER_SD * axis) for axis in level]
+    small += [replace(none, ahead=SOLE_SD)]
     for number in live:
         one = np.eye(plates)[number]
         small.append(replace(none, force=none.force * (1.0 + GAIN_SD * one)[:, None, None]))
@@ -188,9 +202,10 @@ def compared(scene: Scene, hypotheses: Sequence[Hypothesis], live: Sequence[int]
         )
         gain = _log_evidence(best.cost, count) - _log_evidence(cost, count)
         return Tried(
-            gain=gain - _price(best, hypothesis.sd, count),
+            gain=gain - _price(best, hypothesis.sd, count) + hypothesis.prior,
             hypothesis=hypothesis,
             values=best.values,
+            spread=_spread(best, hypothesis.sd, count),
             left=float(np.sqrt(best.cost / count)),
         )
 
@@ -224,6 +239,13 @@ def _price(best: _Best, sd: Array, count: float) -> float:
     scale = (PRIOR_COUNT + best.cost) / (PRIOR_COUNT + count)
     slope = best.slope * sd
     return 0.5 * float(np.linalg.slogdet(np.eye(len(sd)) + slope.T @ slope / scale)[1])
+
+
+def _spread(best: _Best, sd: Array, count: float) -> Array:
+    """Half widths of the values' 95 % intervals, by Laplace's approximation, (values,)."""
+    scale = (PRIOR_COUNT + best.cost) / (PRIOR_COUNT + count)
+    information = best.slope.T @ best.slope / scale + np.diag(sd**-2.0)
+    return np.asarray(1.96 * np.sqrt(np.diag(np.linalg.inv(information))))
 
 
 def _least(residual: Callable[[Array], Array], starts: Array, sd: Array, steps: int) -> _Best:

@@ -3,7 +3,7 @@
 A channel that never changes while its plate is stepped on is dead; one that stays at its largest
 value again and again was clipped; one that leaps by its whole range from sample to sample
 overflowed; two plates with one signal are one plate; a leap of all forces under load is where
-samples are lost.
+samples are lost. Hum and spikes are said too.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.core.contact.consistency.plate_disturbances import disturbances
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.causes import CLOCKS, PLATES
 from myomorph.core.model.findings import Finding
@@ -103,6 +104,14 @@ def plate_signals(wrenches: Wrenches, weight: float, up: Array) -> PlateSignals:
     usable = stepped_on & np.array([name not in broken for name in wrenches.names], bool)
     if not findings:
         findings += _lost(wrenches, forces, weight, vertical)
+    for number in np.flatnonzero(usable):
+        findings += disturbances(
+            wrenches.names[number],
+            forces[:, number],
+            wrenches.time,
+            weight=weight,
+            vertical=vertical,
+        )
     return PlateSignals(findings=tuple(findings), usable=usable, stepped_on=stepped_on)
 
 
@@ -175,12 +184,13 @@ def _wrapped(plate: _Plate, vertical: int) -> Iterator[Finding]:
     """Find a vertical force that leaps from one end of its range to the other."""
     force = plate.force[:, vertical]
     steps = np.abs(np.diff(force))
-    leaps = steps[steps > LEAP * np.ptp(force)]
+    leaping = steps > LEAP * np.ptp(force)
+    leaps = steps[leaping]
     both = force.min() < -BOTH_SIDES * plate.largest and force.max() > BOTH_SIDES * plate.largest
     if not len(leaps) or not both:
         return
     size = float(leaps.mean())
-    if float(leaps.std()) < 0.1 * size and float(np.quantile(steps, 0.97)) < 0.1 * size:
+    if float(leaps.std()) < 0.1 * size and float(np.quantile(steps[~leaping], 0.97)) < 0.1 * size:
         text = PLATES.message(
             f"force '{plate.name}' leaps {len(leaps)} times by {size:.0f} N from one sample to the"
             " next: its numbers overflowed (a range of 16 bits?); export it again",

@@ -12,6 +12,7 @@ in the balance, but each points roughly to c.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -34,15 +35,13 @@ JITTER = 0.004
 """The same by the change of the force within this time [s]."""
 TEMPER = 0.5
 """Share of the frames that count as independent."""
-SOLE = (0.011, 0.03, 0.012, 0.015)
-"""Standard deviations of the center of pressure against the sole: across it, along it, outside of
-it, and of its height [m].
+SOLE = {"across": 0.011, "outside": 0.012, "height": 0.015}
+"""Standard deviations of the center of pressure against the sole: across it, outside of it, and of
+its height [m].
 """
-FORWARD = 0.02
-"""Mean center of pressure before the middle of the sole [m]."""
 MARGIN = 0.01
 """Length by which a center of pressure may lie beyond heel and toes [m]."""
-LEAN = (0.05, 0.15)
+LEAN = (0.03, 0.08)
 """Standard deviation of a force's lean, and its growth with the lean itself."""
 LEAN_SHARE = 0.8
 """Part of the direction towards the center of mass that forces lean by."""
@@ -60,12 +59,37 @@ EDGE = 0.06
 """Time at both ends that is left out [s]."""
 
 
+class Forward(NamedTuple):
+    """Mean center of pressure before the middle of the sole, and its standard deviation [m]."""
+
+    mean: float
+    sd: float
+
+
+WHOLE = Forward(0.003, 0.015)
+FIRST_PART = Forward(-0.042, 0.02)
+LAST_PART = Forward(0.014, 0.02)
+MIDDLE_PART = Forward(-0.01, 0.045)
+"""Of whole stances, and of those of which the frames show only a part: a step begins at the heel
+and ends at the toes. Means of 22 recordings.
+"""
+
+
 class Stance(NamedTuple):
-    """A foot on a plate: number of the plate, frames, and weight of each (frames,)."""
+    """A foot on a plate.
+
+    Attributes
+    ----------
+    plate : its number
+    frames : of the stance
+    weights : (frames,) of the means
+    forward : where along the sole its center of pressure is expected
+    """
 
     plate: int
     frames: slice
     weights: Array
+    forward: Forward
 
 
 class Sole(NamedTuple):
@@ -109,30 +133,32 @@ class Sole(NamedTuple):
             lowest=np.minimum(heel[:, up], ball[:, up]),
         )
 
-    def places(self, point: Array, up: int, weights: Array) -> Array:
+    def places(self, point: Array, up: int, stance: Stance, ahead: float) -> Array:
         """Place a center of pressure on it.
 
         Parameters
         ----------
         point : (frames, 3) [m]
         up : number of the vertical axis
-        weights : (frames,) of the means
+        stance : of these frames
+        ahead : that the sole lies before the model's [m]
 
         Returns
         -------
-        (4,) across, along, outside, height, over `SOLE`
+        (4,) across, along, outside, height, over their standard deviations
         """
+        weights = stance.weights
         offset = point - self.middle
         sideways = (offset * self.across).sum(axis=1)
-        forward = (offset * self.along).sum(axis=1)
+        forward = (offset * self.along).sum(axis=1) - ahead
         outside = (np.abs(forward) - self.half)[weights > 0.0].max().clip(0.0)
         height = self.lowest - point[:, up]
         return np.array(
             [
-                weights @ sideways / SOLE[0],
-                (weights @ forward - FORWARD) / SOLE[1],
-                outside / SOLE[2],
-                weights @ height / SOLE[3],
+                weights @ sideways / SOLE["across"],
+                (weights @ forward - stance.forward.mean) / stance.forward.sd,
+                outside / SOLE["outside"],
+                weights @ height / SOLE["height"],
             ]
         )
 
@@ -299,8 +325,25 @@ class Scene:
                 part = values[start:stop]
                 weights = np.where(part > FIRM * part.max(), part, 0.0)
                 if stop - start >= 3 and part.max() > STANDS * most:
-                    found.append(Stance(plate, slice(start, stop), weights / weights.sum()))
+                    found.append(
+                        Stance(
+                            plate=plate,
+                            frames=slice(start, stop),
+                            weights=weights / weights.sum(),
+                            forward=self._forward(start, stop),
+                        )
+                    )
         return tuple(found)
+
+    def _forward(self, start: int, stop: int) -> Forward:
+        """Expect a center of pressure by what the chosen frames show of a stance."""
+        time = self.frames.time
+        longest = 1.5 * float(np.median(np.diff(time)))
+        begins = start > 0 and time[start] - time[start - 1] < longest
+        ends = stop < len(time) and time[stop] - time[stop - 1] < longest
+        if begins:
+            return WHOLE if ends else FIRST_PART
+        return LAST_PART if ends else MIDDLE_PART
 
     def residual(self, correction: Correction) -> Array:
         """Compute what is left, over its standard deviation.
@@ -324,19 +367,47 @@ class Scene:
         force = self.frames.inertial @ cameras.T - self.frames.mass * gravity - total
         moment = self.frames.moment @ cameras.T
         moment = moment - (forces.moments.sum(axis=1) - _cross(center, total))
-        parts = [(np.concatenate([force, moment], axis=1) / self.sd).ravel()]
+        balance = (np.concatenate([force, moment], axis=1) / self.sd).ravel()
+        return np.concatenate([balance, *self._of_stances(correction, forces, center)])
+
+    def _of_stances(
+        self, correction: Correction, forces: PlateForces, center: Array
+    ) -> Iterator[Array]:
+        """Compare every stance with the sole on its plate, and with the center of mass.
+
+        Parameters
+        ----------
+        correction : of the recording
+        forces : of the plates with it
+        center : (chosen frames, 3) of mass [m]
+
+        Yields
+        ------
+        (5,) of each stance, and (stances,) their heights, over their standard deviations
+        """
         heights = []
+        cameras = tilt(correction.cameras, np.eye(3)[self.flat])
         soles = self.soles(cameras) if correction.cameras.any() else self.upright_soles
-        for stance, feet in zip(self.stances, soles, strict=True):
+        for seen, feet in zip(self.stances, soles, strict=True):
+            stance = self._carried(seen, forces)
             point = forces.points[stance.frames, _whose(stance.plate, correction)]
-            under = _nearer([sole.places(point, self.up, stance.weights) for sole in feet])
+            under = _nearer(
+                [sole.places(point, self.up, stance, correction.ahead) for sole in feet]
+            )
             lean = self._lean(stance, forces, center)
-            parts.append(np.concatenate([under[:3], lean]).clip(-20.0, 20.0) / np.sqrt(TEMPER))
+            yield np.concatenate([under[:3], lean]).clip(-20.0, 20.0) / np.sqrt(TEMPER)
             heights.append(under[3])
         if heights:
             apart = np.array(heights) - np.median(heights)
-            parts.append(apart.clip(-8.0, 8.0) / np.sqrt(TEMPER))
-        return np.concatenate(parts)
+            yield apart.clip(-8.0, 8.0) / np.sqrt(TEMPER)
+
+    def _carried(self, stance: Stance, forces: PlateForces) -> Stance:
+        """Weigh a stance by the frames in which corrected forces carry something, too."""
+        load = np.abs(forces.forces[stance.frames, stance.plate, self.up])
+        weights = stance.weights * (load > FIRM * load.max())
+        if not weights.any():
+            return stance
+        return stance._replace(weights=weights / weights.sum())
 
     @cached_property
     def upright_soles(self) -> tuple[tuple[Sole, ...], ...]:
