@@ -37,7 +37,7 @@ def doubled_findings(markers: Markers, names: Sequence[str], unit: float) -> Ite
     values = markers.values[:, [markers.names.index(name) for name in names]]
     for later in range(len(names)):
         for first in np.flatnonzero(_together(values[:, :later], values[:, later], CLOSE * unit)):
-            pair = names[first], names[later]
+            pair = names[int(first)], names[later]
             text = LABELS.message(
                 f"labels '{pair[0]}' and '{pair[1]}' have the same positions: one marker was given"
                 " both; label the recording again, or leave one out",

@@ -387,7 +387,10 @@ class _Group:
             sd=np.array([CLOCK_SD]),
             least=LEAST["clock"],
             starts=np.linspace([-0.15], [0.15], 11),
-            text=lambda values, spread: _late(values[0], spread[0], whole),
+            text=lambda values, spread: (
+                f"{_late(values[0], spread[0])} relative to the motion"
+                + (f": {_shift(values[0])}" if whole else " and the other plates")
+            ),
             size=lambda values: 1000.0 * float(values[0]),
         )
 
@@ -433,18 +436,23 @@ def _lost(none: Correction, place: str, time: float) -> Hypothesis:
         least=LEAST["lost"],
         starts=np.array([[-0.12], [-0.05], [0.05], [0.12]]),
         prior=-float(np.log(len(LOST_AT))),
-        text=lambda values, _: (
-            f"{abs(1000.0 * values[0]):.0f} ms {'late' if values[0] > 0.0 else 'early'}"
-            f" from about {time:.2f} s on: samples of"
-            f" {'the motion' if values[0] > 0.0 else 'the forces'} are lost there"
+        text=lambda values, spread: (
+            f"{_late(values[0], spread[0])} from about {time:.2f} s on: samples of"
+            f" {_shorter(values[0])} are lost there"
         ),
     )
 
 
-def _late(lag: float) -> str:
-    """Write a lag [s] as a number and a direction."""
+def _late(lag: float, spread: float) -> str:
+    """Write a lag and its interval's half width [s], and a direction."""
     direction = "late" if lag > 0.0 else "early"
-    return f"{abs(1000.0 * lag):.0f} ms {direction}"
+    return f"{abs(1000.0 * lag):.0f} ms (±{1000.0 * spread:.0f} ms) {direction}"
+
+
+def _shift(lag: float) -> str:
+    """Say what helps where all plates lag by so much [s]."""
+    shift = f"{-1000.0 * lag:.0f} ms (--force-shift {-lag:.3f})"
+    return f"shift them by {shift}, or synchronize the recordings"
 
 
 def _shorter(lag: float) -> str:
@@ -470,13 +478,3 @@ def _along(values: Array, unit: str, level: Array) -> str:
     return " and ".join(
         f"{value:.1f} {unit} along {axis}" for value, axis in zip(values, axes, strict=True)
     )
-
-
-def _late(late: float, spread: float, whole: bool) -> str:
-    """Write by how much plates are late [s], with the interval's half width; and what helps."""
-    side = "late" if late > 0.0 else "early"
-    text = f"{abs(1000.0 * late):.0f} ms (±{1000.0 * spread:.0f} ms) {side} against the motion"
-    if not whole:
-        return f"{text} and the other plates"
-    shift = f"{-1000.0 * late:.0f} ms (--force-shift {-late:.3f})"
-    return f"{text}: shift them by {shift}, or synchronize the recordings"
