@@ -63,6 +63,8 @@ IDLE = 0.02
 """Share of the weight below which a plate carries nothing."""
 OF_CLOCKS = ("clock", "lost samples", "clock rate")
 """Kinds that missing frames explain."""
+MOST_ODDS = 1e6
+"""Odds beyond which none are written."""
 MOST_RIVALS = 4
 """Explanations that are named."""
 CAUSES: dict[str, Cause] = {
@@ -226,8 +228,8 @@ def _unexplained(found: Comparison) -> Finding:
     """Say that forces do not belong to the motion, and that nothing that is known explains it."""
     places = dict.fromkeys(item.hypothesis.place for item in found.tried)
     text = PLATES.message(
-        f"the forces do not belong to the motion: what is left of the balance of forces and moments"
-        f" is {found.left:.1f} times its noise; no single fault explains it",
+        f"the forces do not belong to the motion: residual forces and moments are {found.left:.1f}"
+        " times their noise; no single fault explains it",
         gravity="changes results",
     )
     return Finding(kind=NOT_ONE, place=max(places, key=len), text=text)
@@ -324,6 +326,14 @@ def _forces(place: str) -> str:
     return ("force " if len(names) == 1 else "forces ") + quoted(names)
 
 
+def _odds(gain: float) -> str:
+    """Write how much likelier log evidence makes a recording, to two digits."""
+    if gain > np.log(MOST_ODDS):
+        return "over a million"
+    rounded = float(f"{np.exp(gain):.1e}")
+    return f"{rounded:,.0f}"
+
+
 def _finding(best: Tried, rivals: list[Tried], left: float) -> Finding:
     """Name what is wrong, and what may be meant as well."""
     kinds = dict.fromkeys(kind for item in rivals for kind in item.hypothesis.kinds)
@@ -333,8 +343,8 @@ def _finding(best: Tried, rivals: list[Tried], left: float) -> Finding:
     start = "the forces do not belong to the motion: " if not sure else ""
     beside = "".join(f"; or {text}" for text in others)
     told = (
-        f"{start}{first}{beside} (what is left of the balance of forces and moments falls from"
-        f" {left:.1f} to {best.left:.1f} times its noise)"
+        f"{start}{first}{beside} (the recording is {_odds(best.gain)} times as likely so; residual"
+        f" forces and moments fall from {left:.1f} to {best.left:.1f} times their noise)"
     )
     if not sure:
         told += "; no single fault explains it"
