@@ -284,8 +284,8 @@ class _Group:
             least=LEAST["mass"],
             text=lambda values, spread: (
                 f"a body of {mass / (1.0 + values[0]):.1f} kg (±{mass * spread[0]:.1f} kg), where"
-                f" the model weighs {mass:.1f} kg ({100.0 * values[0]:+.0f} %): scale the model to the"
-                " person's mass, or check the calibration of the plates"
+                f" the model weighs {mass:.1f} kg ({100.0 * values[0]:+.0f} %): scale the model to"
+                " the person's mass, or check the calibration of the plates"
             ),
             size=lambda values: 100.0 * float(values[0]),
         )
