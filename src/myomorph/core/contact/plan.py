@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 
 from myomorph.core.contact.feet_on_steps import Stairs
 from myomorph.core.contact.heard import SoundPlan
+from myomorph.core.contact.supports import Supports
 from myomorph.core.model.contacts import Contacts, Site
 from myomorph.core.model.frozen_map import FrozenMap
 
@@ -36,6 +37,13 @@ class ContactPlan:
     measured: Literal["exact", "shared", "hidden"] = "exact"
     # load cells of steps that show who stands on them and, together, what force they carry
     stairs: Stairs | None = None
+    # steps, rails and seats; None where they are still to be found
+    supports: Supports | None = None
+
+    @property
+    def found_supports(self) -> Supports:
+        """Steps, rails and seats as far as they are found."""
+        return self.supports or Supports()
 
     @property
     def situation(self) -> Literal["unknown", "shared", "sound"]:

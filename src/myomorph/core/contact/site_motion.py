@@ -112,6 +112,15 @@ class SiteMotion:
         offset = self.places - points[:, None]
         return np.linalg.norm(offset - (offset @ self.up)[..., None] * self.up, axis=2)
 
+    def over(self, raised: Array | None) -> SiteMotion:
+        """The same with heights over what the sites stand on.
+
+        Parameters
+        ----------
+        raised : (frames, sites) height of that above the floor [m], None for the floor throughout
+        """
+        return self if raised is None else replace(self, lowest=self.lowest - raised)
+
 
 @read_only
 class Floor:
@@ -280,7 +289,11 @@ def cluster(values: Array) -> float:
 
 
 def rest_on_floor(
-    model: Model, motion: Motion, sites: Sequence[Site], height: float | None = None
+    model: Model,
+    motion: Motion,
+    sites: Sequence[Site],
+    height: float | None = None,
+    raised: Array | None = None,
 ) -> tuple[tuple[Site, ...], Floor]:
     """Move sites along the floor's normal so that each lies on it while its group rests.
 
@@ -296,6 +309,8 @@ def rest_on_floor(
     sites : places that can touch [m]
     height : of the floor where it is known, as from plates; else where the sites rest as they are
         [m]
+    raised : (frames, sites) height above the floor of what they stand on, as on steps [m]; None for
+        the floor throughout
 
     Returns
     -------
@@ -316,7 +331,7 @@ def rest_on_floor(
     ('hand', (1, 3), 1.1)
     """
     tree = compile_tree(model)
-    moving = site_motion(model, motion, sites)
+    moving = site_motion(model, motion, sites).over(raised)
     floor = floor_under(moving, height)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))
     gap = moving.lowest - floor.height

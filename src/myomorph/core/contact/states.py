@@ -82,6 +82,7 @@ def find_contacts(
     sites: Sequence[Site],
     options: ContactStateOptions | None = None,
     plates: Wrenches | None = None,
+    raised: Array | None = None,
 ) -> Contacts:
     """Find contact intervals of sites from how they move, and from plates where there are any.
 
@@ -101,6 +102,8 @@ def find_contacts(
     sites : places that can touch, see `model.contacts.Site` [m]
     options : heights [m], speeds [m/s] and times [s] that make a touch; see `ContactStateOptions`
     plates : forces on bodies (or of plates, bodies unknown), at the motion's times
+    raised : (frames, sites) height above the floor of what sites stand on, as on steps [m]; None
+        for the floor throughout
 
     Returns
     -------
@@ -120,7 +123,7 @@ def find_contacts(
     [('hand', 0.52, 0.6)]
     """
     options = options or ContactStateOptions()
-    moving = site_motion(model, motion, sites)
+    moving = site_motion(model, motion, sites).over(raised)
     floor = floor_under(moving, options.floor)
     result = by_kinematics(moving, floor, sites, options)
     if plates is None:
@@ -365,6 +368,7 @@ def contact_activations(
     sites: Sequence[Site],
     contacts: Contacts | None = None,
     options: ActivationOptions | None = None,
+    raised: Array | None = None,
 ) -> Series:
     """Activation of each contact: how ready a site is to carry force, 0 to 1.
 
@@ -383,6 +387,8 @@ def contact_activations(
     sites : places that can touch [m]
     contacts : when sites touch; all the time without
     options : heights and speeds at which readiness fades, see `ActivationOptions`
+    raised : (frames, sites) height above the floor of what sites stand on, as on steps [m]; None
+        for the floor throughout
 
     Returns
     -------
@@ -411,6 +417,7 @@ def contact_activations(
     on_ground = [index for index, site in enumerate(sites) if site.against == GROUND]
     if on_ground:
         moving = site_motion(model, motion, [sites[number] for number in on_ground])
+        moving = moving.over(None if raised is None else raised[:, on_ground])
         floor = floor_under(moving, options.floor)
         z = (moving.lowest - floor.height) / moving.height
         v = np.linalg.norm(moving.velocities - floor.velocity, axis=2) / moving.pace

@@ -216,7 +216,7 @@ def _shared_loads(
     -------
     (frames, feet) each; the second holds the first
     """
-    centers = _centers_of_pressure(wrenches, feet.min_duration)
+    centers = centers_of_pressure(wrenches, feet.min_duration)
     distances = sole_distances(centers, feet.heels, feet.balls, feet.up)  # (frames, forces, feet)
     # On axes (frames, forces, foot, other foot): only other feet that stand compete for a load.
     competes = stands[:, None, None] & ~np.eye(len(feet.names), dtype=bool)
@@ -228,13 +228,14 @@ def _shared_loads(
     return outside, np.asarray((has_load & (distances > limits)).any(axis=1))
 
 
-def _centers_of_pressure(wrenches: Wrenches, duration: float) -> Array:
+def centers_of_pressure(wrenches: Wrenches, duration: float) -> Array:
     """Centers of pressure, averaged over a duration with the forces as weights.
 
     Noise of plates moves the center of pressure of a light body far from frame to frame.
 
     Parameters
     ----------
+    wrenches : of plates
     duration : of the moving average [s]
 
     Returns

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from myomorph.core.contact.alone import AloneOnPlates, alone_on_plates, still_shared
 from myomorph.core.contact.feet_on_steps import Stairs, shared_stairs, stairs_contacts
+from myomorph.core.contact.found_supports import find_supports
 from myomorph.core.contact.heard import Heard, heard_contacts
 from myomorph.core.contact.held_objects import RaisedContact, find_holds, raised_contacts
 from myomorph.core.contact.plan import ContactPlan
@@ -24,11 +25,13 @@ from myomorph.core.contact.states import (
     find_contacts,
     preferred_directions,
 )
+from myomorph.core.contact.supports import Supports
 from myomorph.core.contact.whole_feet import contacts_of_sites
 from myomorph.core.model.arrays import Array, read_only
-from myomorph.core.model.causes import CONTACT_TIMES
+from myomorph.core.model.causes import CONTACT_TIMES, FEET_BESIDE
 from myomorph.core.model.contacts import FOREVER, ContactForces, Contacts, SharedWrench, Site
 from myomorph.core.model.errors import BadData, MyomorphError
+from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.series import Motion, Series, Wrenches
@@ -48,6 +51,7 @@ class ContactSetting:
         has to keep to those of several contacts
     heard : impacts whose forces act as their sound tells, None for none
     alone : forces of contacts that had a plate for themselves, where forces are shared
+    supports : steps, rails and seats that carry
     """
 
     task: ContactTask
@@ -57,6 +61,7 @@ class ContactSetting:
     plates: tuple[SharedWrench, ...] = ()
     heard: Heard | None = None
     alone: AloneOnPlates | None = None
+    supports: Supports = field(default_factory=Supports)
 
     def with_known(self, forces: ContactForces) -> ContactForces:
         """Add forces of impacts, and of contacts alone on plates, where nothing was estimated.
@@ -111,6 +116,8 @@ def set_contacts(
     if plan.stairs is not None:
         return _on_stairs(plan.stairs, plan, model, motion, measured, options)
     standing = known.standing or motion
+    visible = None if plan.measured == "hidden" else measured
+    plan = _with_supports(plan, model, standing, visible)
     feet, floor = _feet_and_floor(plan, model, standing, measured)
     sites = (*feet, *plan.sites)
     if not sites:
@@ -127,13 +134,16 @@ def set_contacts(
     reported += [] if heard is None else [heard.contacts]
     raised = _raised(plan, reported, model, motion, feet)
     reported += [site.contacts for site in raised.values()]
-    visible = None if plan.measured == "hidden" else measured
     contacts = _all_contacts(
         plan, reported, model, standing, sites, visible, ContactStateOptions(floor=floor)
     )
 
-    ready = contact_activations(model, standing, sites, contacts, ActivationOptions(floor=floor))
+    steps = plan.found_supports.raised(sites, standing.time)
+    ready = contact_activations(
+        model, standing, sites, contacts, ActivationOptions(floor=floor), steps
+    )
     ready = _replaced(ready, {name: site.activation for name, site in raised.items()})
+    ready = plan.found_supports.activated(ready, sites)
     plates = _on_plates(plan, model, motion, sites, contacts, known)
     acting = _acting(plan, model, ready, sites, plates, measured, heard, floor or 0.0)
     task = ContactTask(
@@ -148,9 +158,32 @@ def set_contacts(
         contacts=contacts,
         exact=acting.exact,
         notes=(*contacts.warnings, *_notes(plan, model, motion, known, feet)),
+        supports=plan.found_supports,
         plates=plates,
         heard=heard,
         alone=acting.alone,
+    )
+
+
+def _with_supports(
+    plan: ContactPlan, model: Model, motion: Motion, measured: Wrenches | None
+) -> ContactPlan:
+    """Find steps, rails and seats where nobody has, and make sites of hands and seat on them.
+
+    Nobody looks for them where contacts are named.
+    """
+    supports = plan.supports
+    if supports is None:
+        supports = Supports()
+        if plan.feet and not plan.sites and plan.reported is None and plan.sound is None:
+            supports = find_supports(model, motion, measured)
+    sites = supports.sites(model, plan.sites)
+    seats = {site.name: None for site in sites if site.name == "seat"}
+    return replace(
+        plan,
+        supports=supports,
+        sites=(*plan.sites, *sites),
+        surfaces=FrozenMap({**plan.surfaces, **seats}),
     )
 
 
@@ -192,6 +225,7 @@ def _acting(  # page: all that makes forces known
     known: list[Wrenches] = []
     alone = None
     if plan.measured == "exact" and measured is not None:
+        measured = plan.found_supports.used(measured)
         ready = without_measured(model, ready, sites, measured)
         known.append(measured)
     if heard is not None:
@@ -223,7 +257,8 @@ def _feet_and_floor(
     if not feet:
         return _Soles((), None)
     visible = None if plan.measured == "hidden" else measured
-    resting, floor = rest_on_floor(model, motion, feet, plate_height(model, visible))
+    steps = plan.found_supports.raised(feet, motion.time)
+    resting, floor = rest_on_floor(model, motion, feet, plate_height(model, visible), steps)
     return _Soles(resting, floor.height)
 
 
@@ -247,6 +282,14 @@ def _notes(
 ) -> tuple[Message, ...]:
     """Say which reported contacts lie elsewhere, and which measured forces are misplaced."""
     notes: tuple[Message, ...] = ()
+    supports = plan.found_supports
+    if supports:
+        notes += (
+            FEET_BESIDE.message(
+                f"{supports.sentence} (--contacts none: what is missing stays at the root)",
+                times=tuple(support.rests for support in supports.all),
+            ),
+        )
     if plan.reported is not None:
         notes += never_during(plan.reported, known.recorded.time)
         notes += unreported_feet(plan.reported, feet)
@@ -378,6 +421,8 @@ def _all_contacts(
     options: ContactStateOptions,
 ) -> Contacts:
     """Join contacts that files and sound report with those of plates and motion."""
+    supports = plan.found_supports
+    reported = [*reported, supports.rail_contacts()]
     known = {name for contacts in reported for name in contacts.sites}
     _refuse_unknown_sites(known, sites)
     by_motion = [
@@ -389,10 +434,11 @@ def _all_contacts(
     holding = tuple(site for site in by_motion if site.against != GROUND)
     parts = [*reported]
     if standing:
-        parts.append(find_contacts(model, motion, standing, options, measured))
+        steps = supports.raised(standing, motion.time)
+        parts.append(find_contacts(model, motion, standing, options, measured, steps))
     if holding:
         parts.append(find_holds(model, motion, holding))
-    return _joined(parts, sites)
+    return supports.cut(_joined(parts, sites), sites)
 
 
 def _refuse_unknown_sites(names: set[str], sites: Sequence[Site]) -> None:

@@ -6,16 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from myomorph.core.contact.found_supports import find_supports
 from myomorph.core.contact.plan import ContactPlan
-from myomorph.core.contact.seated import is_seated
-from myomorph.core.contact.sites import body_sites, foot_sites
+from myomorph.core.contact.sites import foot_sites
+from myomorph.core.contact.supports import Supports
 from myomorph.core.contact.undetermined import UNDETERMINED
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import FEET_BESIDE
-from myomorph.core.model.contacts import Site
 from myomorph.core.model.errors import BadData, MyomorphError
 from myomorph.core.model.findings import Span, spans_of, times_text
-from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.segments import feet_of, segments_of
@@ -102,13 +101,10 @@ def lacking_support(model: Model, motion: Motion, wrenches: Wrenches | None) -> 
     None where forces carry the body, or nobody said that they do
     """
     root = [name for names in root_coordinates(model) for name in names]
-    if not root or wrenches is None or not model.weight > 0.0:
+    if not root or not _is_measured(model, wrenches):
         return None
-    segments = segments_of(model)
+    assert wrenches is not None
     on_bodies = [body in model.body_names for body in wrenches.bodies]
-    loaded = set(wrenches.bodies) & set(model.body_names)
-    if not any(body in feet_of(model) or segments[body].name == "foot" for body in loaded):
-        return None
     measured = np.nan_to_num(wrenches.forces[:, on_bodies]).sum(axis=1) @ model.up / model.weight
     needed = _needed(model, motion)
     known = np.isfinite(needed)
@@ -126,6 +122,15 @@ def lacking_support(model: Model, motion: Motion, wrenches: Wrenches | None) -> 
         place=next(joint.child for joint in model.joints if root[-1] in joint.coordinates),
         mass=model.mass,
     )
+
+
+def _is_measured(model: Model, wrenches: Wrenches | None) -> bool:
+    """Tell whether a force on a foot of a body that has weight is known."""
+    if wrenches is None or not model.weight > 0.0:
+        return False
+    segments = segments_of(model)
+    loaded = set(wrenches.bodies) & set(model.body_names)
+    return any(body in feet_of(model) or segments[body].name == "foot" for body in loaded)
 
 
 def _needed(model: Model, motion: Motion) -> Array:
@@ -169,7 +174,8 @@ def with_default_contacts(
 ) -> Supported:
     """Estimate forces off the plates where measured ones do not carry the body.
 
-    They act under the feet, and under the pelvis of somebody who sits.
+    They act under the feet, and where `find_supports` finds steps, rails and seats. Where plates
+    carry the body but for some time, nothing but these is estimated.
 
     Parameters
     ----------
@@ -189,10 +195,16 @@ def with_default_contacts(
     if not _is_open(trial, plan):
         return Supported(trial)
     support = lacking_support(trial.model, motion, wrenches)
+    supports = Supports()
+    if _is_measured(trial.model, wrenches):
+        supports = find_supports(trial.model, motion, wrenches)
     if support is None:
-        return Supported(trial)
-    seat = _seat(trial.model, motion, support)
-    if plan is not None and not seat:
+        if plan is not None or not supports:
+            return Supported(trial)
+        # Plates carry the body but for some time: nothing else changes.
+        return Supported(trial.having(ContactPlan(supports=replace(supports, alone=True))))
+    seats = any(item.kind == "seat" for item in supports.all)
+    if plan is not None and not seats:
         return Supported(trial)
     try:
         foot_sites(trial.model)
@@ -200,7 +212,7 @@ def with_default_contacts(
         raise BadData(
             f"{_refusal(support, 'forces')}; contacts cannot be estimated: {error}"
         ) from None
-    where = "a seat and feet" if seat else "feet"
+    where = "a seat and feet" if seats else "feet"
     note = FEET_BESIDE.message(
         f"measured forces leave {support.sentence}: forces under {where} off the plates are"
         " estimated from the motion (--contacts none: what is missing stays at the root)",
@@ -210,8 +222,7 @@ def with_default_contacts(
     if plan is None:
         shared = _are_shared(trial, wrenches)
         plan = ContactPlan(measured="shared" if shared else "exact")
-    surfaces = FrozenMap(dict.fromkeys(site.name for site in seat))
-    return Supported(trial.having(replace(plan, sites=seat, surfaces=surfaces)), (note,))
+    return Supported(trial.having(replace(plan, supports=supports)), (note,))
 
 
 def _is_open(trial: TrialInputs, plan: ContactPlan | None) -> bool:
@@ -222,12 +233,6 @@ def _is_open(trial: TrialInputs, plan: ContactPlan | None) -> bool:
         return True
     named = plan.sites or plan.reported or plan.sound or plan.stairs or not plan.feet
     return not named and plan.measured != "hidden"
-
-
-def _seat(model: Model, motion: Motion, support: RootSupport) -> tuple[Site, ...]:
-    """Make a site under the pelvis of somebody who sits while forces are missing; () for none."""
-    frames = np.isin(motion.time, support.time[support.left > MAX_LEFT])
-    return body_sites(model, ["seat"]) if is_seated(model, motion, frames) else ()
 
 
 def _are_shared(trial: TrialInputs, wrenches: Wrenches | None) -> bool:

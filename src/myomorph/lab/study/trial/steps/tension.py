@@ -155,8 +155,9 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
     task = task_of(trial, poses.recorded, dynamics)
     with progress(f"{trial.name}: muscle tensions", len(task.motion)) as advance:
         tension, solution = task.solved(advance)
-    if task.setting is None:
-        tension = without_unmeasured_limbs(tension, trial.model, dynamics.wrenches, _driven(task))
+    tension = without_unmeasured_limbs(
+        tension, trial.model, _where_nothing_is_estimated(task, dynamics.wrenches), _driven(task)
+    )
     notes = supported.notes + task.notes(tension) + (() if torques is not None else dynamics.notes)
     _write_tension(tension, task, output)
     points = trial.get(JointPoints)
@@ -172,6 +173,15 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses, torques: Torques 
         return _with_contacts(found, trial, task, solution, output)
     residuals = _residual_verdict(trial, dynamics) if torques is None else ""
     return Tensions(tension, notes=notes, residuals=residuals)
+
+
+def _where_nothing_is_estimated(task: TensionTask, wrenches: Wrenches | None) -> Wrenches | None:
+    """Return known forces with findings on loads that no contact's estimate takes the place of."""
+    if task.setting is None or wrenches is None:
+        return wrenches
+    return (
+        task.setting.supports.without_estimated(wrenches) if task.setting.supports.alone else None
+    )
 
 
 def _write_joint_loads(
