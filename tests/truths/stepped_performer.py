@@ -6,9 +6,8 @@ comes from Myomorph's kernels or its estimate. See `myomorph.show.simulate.perfo
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -25,6 +24,7 @@ AHEAD = 0.05  # The mass center is so far ahead of the ankle [m].
 LOW = 0.85  # Height of the mass center over the ground that both feet stand on [m].
 RATE = 50.0
 NOISE = 0.0007  # Of coordinates, smooth [rad, m].
+CLEARANCE = 0.08  # Of a foot on its way over the higher of both ends [m].
 UNLOAD = 0.2  # Before a foot lifts, and after it is down, it bears less and less for so long [s].
 
 
@@ -58,8 +58,8 @@ def step_up(height: float, seed: int) -> Plan:
     inner = WIDE - 0.01
     return Plan(
         ways={
-            "l": (Way(0.9, 1.6, ahead, height),),
-            "r": (Way(3.3, 4.1, ahead, height),),
+            "l": (Way(lifts=0.9, down=1.6, ahead=ahead, up=height),),
+            "r": (Way(lifts=3.3, down=4.1, ahead=ahead, up=height),),
         },
         weight=(
             (0.2, 0.0, 0.0, 0.0),
@@ -81,7 +81,13 @@ def foot_on_step(height: float, seed: int, share: float = 0.45) -> Plan:
     z = inner - share * 2.0 * WIDE
     x = share * ahead
     return Plan(
-        ways={"l": (Way(0.9, 1.6, ahead, height), Way(3.5, 4.2, 0.0, 0.0)), "r": ()},
+        ways={
+            "l": (
+                Way(lifts=0.9, down=1.6, ahead=ahead, up=height),
+                Way(lifts=3.5, down=4.2, ahead=0.0, up=0.0),
+            ),
+            "r": (),
+        },
         weight=(
             (0.2, 0.0, 0.0, 0.0),
             (0.8, 0.0, 0.0, inner),
@@ -107,61 +113,61 @@ def balance(height: float, seed: int) -> Plan:
     )
 
 
+def _shift(ways: tuple[Way, ...], time: float) -> tuple[float, float]:
+    """Find how far ahead and up a foot is at a time [m]."""
+    ahead = 0.0
+    up = 0.0
+    for way in ways:
+        if time < way.lifts:
+            break
+        middle = 0.5 * (way.lifts + way.down)
+        top = max(up, way.up) + CLEARANCE
+        rises = (way.lifts, middle, way.down)
+        ahead += (way.ahead - ahead) * float(smooth(time, way.lifts, way.down))
+        up = float(path(rises, (up, top, way.up), time))
+    return ahead, up
+
+
+def _aims(plan: Plan, time: float):
+    """Aim the mass center and both feet."""
+    times, x, y, z = zip(*plan.weight, strict=True)
+    result = weight_aims(
+        AHEAD + float(path(times, x, time)),
+        LOW + float(path(times, y, time)),
+        float(path(times, z, time)),
+    )
+    for side, ways in plan.ways.items():
+        result += foot_aims(side, WIDE, shift=_shift(ways, time))
+    return result
+
+
+def _ready(ways: tuple[Way, ...], touches: bool, time: np.ndarray) -> np.ndarray:
+    """Find how ready a foot is to carry (times,): not in the air, nor while it is held up."""
+    off = [(way.lifts, way.down) for way in ways]
+    if not touches and off:
+        off = [(off[0][0], off[-1][1])]
+    result = np.ones_like(np.asarray(time, float))
+    for lifts, down in off:
+        stops = (lifts - UNLOAD, lifts, down, down + UNLOAD)
+        result = result - path(stops, (0.0, 1.0, 1.0, 0.0), time)
+    return np.clip(result, 0.0, 1.0)
+
+
 @cache
-def _performed(plan_name: str, height: float, seed: int, touches: bool):
-    """Simulate a plan."""
+def _performed(plan_name: str, height: float, seed: int):
+    """Simulate a plan; in one of balance nothing is under the foot that is held up."""
     plan = PLANS[plan_name](height, seed)
-
-    def aims(time: float):
-        times, x, y, z = zip(*plan.weight, strict=True)
-        result = weight_aims(
-            AHEAD + float(path(times, x, time)),
-            LOW + float(path(times, y, time)),
-            float(path(times, z, time)),
-        )
-        for side, ways in plan.ways.items():
-            ahead, up = 0.0, 0.0
-            for way in ways:
-                going = float(smooth(time, way.lifts, way.down))
-                middle = 0.5 * (way.lifts + way.down)
-                top = max(up, way.up) + 0.08
-                if time < middle:
-                    high = float(path((way.lifts, middle), (up, top), time))
-                else:
-                    high = float(path((middle, way.down), (top, way.up), time))
-                if time >= way.lifts:
-                    ahead = ahead + (way.ahead - ahead) * going
-                    up = high
-            result += foot_aims(side, WIDE, shift=(ahead, up))
-        return result
-
-    def on(side: str) -> Callable[[np.ndarray], np.ndarray]:
-        def ready(time):
-            result = np.ones_like(np.asarray(time, float))
-            for number, way in enumerate(plan.ways[side]):
-                up = (way.lifts - UNLOAD, way.lifts, way.down, way.down + UNLOAD)
-                values = (0.0, 1.0, 1.0, 0.0)
-                if not touches:
-                    first, last = plan.ways[side][0], plan.ways[side][-1]
-                    up = (first.lifts - UNLOAD, first.lifts, last.down, last.down + UNLOAD)
-                    if number:
-                        continue
-                result = result - path(up, values, time)
-            return np.clip(result, 0.0, 1.0)
-
-        return ready
-
     contacts = [
         Contact(
             name=f"foot_{side}.{corner}",
             body=f"foot_{side}",
             points=sole(side)[corner : corner + 1],
-            on=on(side),
+            on=partial(_ready, plan.ways[side], plan_name != "balance"),
         )
         for side in "rl"
         for corner in range(len(sole(side)))
     ]
-    return performed(Part(aims, contacts, plan.duration, rate=RATE, seed=seed))
+    return performed(Part(partial(_aims, plan), contacts, plan.duration, rate=RATE, seed=seed))
 
 
 PLANS = {"step up": step_up, "foot on a step": foot_on_step, "balance": balance}
@@ -182,7 +188,7 @@ def stepped(name: str, height: float = 0.2, seed: int = 1) -> SimpleNamespace:
     wrenches on both feet at its times, what plates in the floor measure of them, and the share of
     the weight that no contact gives (frames,)
     """
-    shown = _performed(name, height, seed, name != "balance")
+    shown = _performed(name, height, seed)
     random = np.random.default_rng(1000 + seed)
     noisy = mm.Motion(
         shown.motion.time,
@@ -203,11 +209,9 @@ def stepped(name: str, height: float = 0.2, seed: int = 1) -> SimpleNamespace:
 
 
 def on_floor(wrenches: Wrenches) -> Wrenches:
-    """What plates in the floor measure: nothing of a foot that stands higher."""
+    """Leave out what plates in the floor do not measure: a foot that stands higher."""
     low = (wrenches.points[..., 1] < 0.02)[..., None]
-    return replace(
-        wrenches, forces=low * wrenches.forces, torques=low * wrenches.torques
-    )
+    return replace(wrenches, forces=low * wrenches.forces, torques=low * wrenches.torques)
 
 
 def _slow(random, shape):
@@ -224,7 +228,9 @@ def _of_feet(shown) -> Wrenches:
     """Sum the true forces of the corners of each foot, at its center of pressure."""
     tree = compile_tree(shown.body)
     poses = forward_kinematics(tree, tree.coordinates_of(shown.motion))
-    forces, points, torques = [], [], []
+    forces = []
+    points = []
+    torques = []
     for side in "rl":
         number = tree.body_index[f"foot_{side}"]
         corners = sole(side)

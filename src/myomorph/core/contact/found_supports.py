@@ -8,9 +8,10 @@ nothing is left, or the line passes elsewhere.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -130,7 +131,8 @@ class _Scene:
         """(frames, forces) sizes of known forces over the weight."""
         if self.known is None:
             return np.zeros((len(self.motion), 0))
-        return np.linalg.norm(np.nan_to_num(self.known.forces), axis=2) / self.model.weight
+        sizes = np.linalg.norm(np.nan_to_num(self.known.forces), axis=2)
+        return np.asarray(sizes / self.model.weight)
 
     @cached_property
     def distances(self) -> Array:
@@ -152,7 +154,8 @@ class _Scene:
                 result[:, owner] |= loaded
             elif not body:
                 nearest = self.distances[:, column].argmin(axis=1)
-                result |= loaded[:, None] & (np.arange(result.shape[1]) == nearest[:, None])
+                numbers = np.arange(len(self.feet.feet))
+                result |= loaded[:, None] & (numbers == nearest[:, None])
         return result
 
     @cached_property
@@ -172,7 +175,7 @@ class _Scene:
         return float(np.nanpercentile(still, 5.0)) if len(still) else float("nan")
 
     def lacking(self, unused: Sequence[tuple[slice, int]] = ()) -> MissingWrench:
-        """Wrench that known forces leave; `unused` are frames in which a force counts for none."""
+        """Find what known forces leave; `unused` are frames in which a force counts for none."""
         known = self.known
         if known is not None and unused:
             forces = np.array(known.forces)
@@ -187,7 +190,7 @@ class _Scene:
     def believed(self) -> float:
         """Share of the model's mass that known forces carry throughout, 1 where they do not.
 
-        A model that is too heavy lacks the same share of weight at all times.
+        A model of another mass lacks the same share of weight at all times.
         """
         if self.known is None:
             return 1.0
@@ -200,10 +203,10 @@ class _Scene:
         shares = given[on_plates] / needed[on_plates]
         share = float(np.median(shares))
         alike = float(np.median(np.abs(shares - share))) < LACKS
-        return min(1.0, share) if alike else 1.0
+        return share if alike else 1.0
 
     def tolerance(self, lacks: MissingWrench) -> float:
-        """Distance of a mean line of action from what carries, by errors of moments [m]."""
+        """Find how far a mean line passes from what carries by errors of moments [m]."""
         force = max(float(np.linalg.norm(lacks.force[0])), 1e-3 * lacks.weight)
         high = float(np.nanmedian(self.feet.center @ self.feet.up - np.nanmin(self.heights)))
         return MOMENT_ERROR * lacks.weight * abs(high) / force
@@ -369,7 +372,7 @@ def _seats(scene: _Scene, lacks: MissingWrench, explained: Flags) -> list[Suppor
     """Find when somebody sits on something; those frames become `explained`."""
     if scene.known is None:
         return []
-    found = []
+    found: list[Support] = []
     time = scene.motion.time
     for start, stop in runs(_lacking_frames(scene, lacks) & ~explained):
         frames = np.zeros(len(time), bool)
@@ -403,36 +406,48 @@ def _rails(
 
     Where a foot keeps still above the floor meanwhile, the line may pass between it and a hand.
     """
-    hands = _hands(scene)
     first, last = scene.span(frames)
-    if scene.known is None or last - first < scene.rest or not hands:
+    if scene.known is None or last - first < scene.rest:
         return []
     inside = np.zeros(len(scene.motion), bool)
     inside[frames] = True
     mean = lacks.mean(inside)
     near = GRASP * scene.feet.unit + scene.tolerance(mean)
-    held = {name: place for name, place in hands.items() if _held(scene, place, frames) > HELD}
+    held = {
+        name: place for name, place in _hands(scene).items() if _held(scene, place, frames) > HELD
+    }
     places = {name: np.nanmean(place[inside], axis=0)[None] for name, place in held.items()}
-    misses = {name: float(np.linalg.norm(mean.offsets(place)[0])) for name, place in places.items()}
-    if misses and min(misses.values()) < near:
-        best = min(misses, key=lambda name: misses[name])
-        return [_rail(scene, best, held[best], frames)]
-    if len(held) == 2:
-        one, other = places.values()
-        if mean.between(one, other)[1][0] < near:
-            return [_rail(scene, name, place, frames) for name, place in held.items()]
-    for stance in stances:
-        if inside[stance.frames].sum() < 0.5 * inside.sum():
-            continue
-        for name, place in places.items():
-            share, distance = mean.between(place, scene.middle(stance.foot, inside))
-            if distance[0] < near and MIN_PART < share[0] < 1.0 - MIN_PART:
-                return [_rail(scene, name, held[name], frames), _step(scene, stance)]
+    carrying = _hands_alone(mean, places, near)
+    if carrying:
+        return [_rail(scene, name, held[name], frames) for name in carrying]
+    meanwhile = [stance for stance in stances if inside[stance.frames].sum() > HALF * inside.sum()]
+    for stance, name in product(meanwhile, places):
+        share, distance = mean.between(places[name], scene.middle(stance.foot, inside))
+        if distance[0] < near and MIN_PART < share[0] < 1.0 - MIN_PART:
+            return [_rail(scene, name, held[name], frames), _step(scene, stance)]
     return []
 
 
+def _hands_alone(mean: MissingWrench, places: Mapping[str, Array], near: float) -> tuple[str, ...]:
+    """Find hands by which a mean line passes, or between which: their names, () for none.
+
+    Parameters
+    ----------
+    mean : what known forces leave, of one frame
+    places : (1, 3) of each hand that keeps still [m]
+    near : distance of the line, at most [m]
+    """
+    misses = {name: float(np.linalg.norm(mean.offsets(place)[0])) for name, place in places.items()}
+    if misses and min(misses.values()) < near:
+        return (min(misses, key=lambda name: misses[name]),)
+    both = tuple(places)
+    if len(both) == 2 and mean.between(*places.values())[1][0] < near:
+        return both
+    return ()
+
+
 def _hands(scene: _Scene) -> dict[str, Array]:
-    """Middles (frames, 3) of hands by their sites' names [m]."""
+    """Find middles (frames, 3) of hands by their sites' names [m]."""
     found = {}
     for name in SEGMENT_SITES:
         if not name.startswith("hand"):
@@ -447,7 +462,7 @@ def _hands(scene: _Scene) -> dict[str, Array]:
 
 
 def _held(scene: _Scene, place: Array, frames: slice) -> float:
-    """Share of frames in which a place (frames, 3) keeps still."""
+    """Find the share of frames in which a place (frames, 3) keeps still."""
     return float(scene.slow(place[:, None, None])[frames].mean())
 
 

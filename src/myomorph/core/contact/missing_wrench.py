@@ -43,6 +43,10 @@ class MissingWrench:
         Parameters
         ----------
         frames : (frames,) at least one of them
+
+        Returns
+        -------
+        a wrench of one frame
         """
         return replace(
             self,
@@ -52,7 +56,7 @@ class MissingWrench:
         )
 
     def offsets(self, points: Array) -> Array:
-        """Shortest ways from points to the line along which the force acts.
+        """Find the shortest ways from points to the line along which the force acts.
 
             d = F x (M - p x F) / |F|^2
 
@@ -70,7 +74,7 @@ class MissingWrench:
         return np.asarray(np.cross(self.force, about) / square)
 
     def between(self, first: Array, second: Array) -> tuple[Array, Array]:
-        """Where the line passes two points, seen along the force.
+        """Find where the line passes two points, seen along the force.
 
         Parameters
         ----------

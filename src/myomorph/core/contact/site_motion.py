@@ -113,11 +113,15 @@ class SiteMotion:
         return np.linalg.norm(offset - (offset @ self.up)[..., None] * self.up, axis=2)
 
     def over(self, raised: Array | None) -> SiteMotion:
-        """The same with heights over what the sites stand on.
+        """Take heights over what the sites stand on.
 
         Parameters
         ----------
         raised : (frames, sites) height of that above the floor [m], None for the floor throughout
+
+        Returns
+        -------
+        the same motion of as many frames
         """
         return self if raised is None else replace(self, lowest=self.lowest - raised)
 

@@ -7,7 +7,7 @@ preferred direction of its force.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +61,8 @@ class ContactStateOptions:
     reach : a site within this distance of a plate's center of pressure may stand on it
     shortest : contacts and gaps that last less are taken for noise [s]
     floor : height of the floor [m], None to find it
+    steps : (frames, sites) height above the floor of what sites stand on [m], None for the floor
+        throughout
     """
 
     low: float = 0.035
@@ -74,6 +76,7 @@ class ContactStateOptions:
     reach: float = 0.2
     shortest: float = 0.03
     floor: float | None = None
+    steps: Array | None = field(default=None, compare=False)
 
 
 def find_contacts(
@@ -82,7 +85,6 @@ def find_contacts(
     sites: Sequence[Site],
     options: ContactStateOptions | None = None,
     plates: Wrenches | None = None,
-    raised: Array | None = None,
 ) -> Contacts:
     """Find contact intervals of sites from how they move, and from plates where there are any.
 
@@ -102,8 +104,6 @@ def find_contacts(
     sites : places that can touch, see `model.contacts.Site` [m]
     options : heights [m], speeds [m/s] and times [s] that make a touch; see `ContactStateOptions`
     plates : forces on bodies (or of plates, bodies unknown), at the motion's times
-    raised : (frames, sites) height above the floor of what sites stand on, as on steps [m]; None
-        for the floor throughout
 
     Returns
     -------
@@ -123,7 +123,7 @@ def find_contacts(
     [('hand', 0.52, 0.6)]
     """
     options = options or ContactStateOptions()
-    moving = site_motion(model, motion, sites).over(raised)
+    moving = site_motion(model, motion, sites).over(options.steps)
     floor = floor_under(moving, options.floor)
     result = by_kinematics(moving, floor, sites, options)
     if plates is None:
@@ -352,6 +352,8 @@ class ActivationOptions:
     high, fast : shares of those up to which it is fully ready
     least : activation of a site that touches, however it moves
     floor : height of the floor [m], None to find it
+    steps : (frames, sites) height above the floor of what sites stand on [m], None for the floor
+        throughout
     """
 
     height: float = 0.042
@@ -360,6 +362,7 @@ class ActivationOptions:
     fast: float = 0.15
     least: float = 0.05
     floor: float | None = None
+    steps: Array | None = field(default=None, compare=False)
 
 
 def contact_activations(
@@ -368,7 +371,6 @@ def contact_activations(
     sites: Sequence[Site],
     contacts: Contacts | None = None,
     options: ActivationOptions | None = None,
-    raised: Array | None = None,
 ) -> Series:
     """Activation of each contact: how ready a site is to carry force, 0 to 1.
 
@@ -387,8 +389,6 @@ def contact_activations(
     sites : places that can touch [m]
     contacts : when sites touch; all the time without
     options : heights and speeds at which readiness fades, see `ActivationOptions`
-    raised : (frames, sites) height above the floor of what sites stand on, as on steps [m]; None
-        for the floor throughout
 
     Returns
     -------
@@ -417,7 +417,8 @@ def contact_activations(
     on_ground = [index for index, site in enumerate(sites) if site.against == GROUND]
     if on_ground:
         moving = site_motion(model, motion, [sites[number] for number in on_ground])
-        moving = moving.over(None if raised is None else raised[:, on_ground])
+        steps = options.steps
+        moving = moving.over(None if steps is None else steps[:, on_ground])
         floor = floor_under(moving, options.floor)
         z = (moving.lowest - floor.height) / moving.height
         v = np.linalg.norm(moving.velocities - floor.velocity, axis=2) / moving.pace

@@ -76,7 +76,7 @@ class Supports:
         return bool(self.all)
 
     def raised(self, sites: Sequence[Site], time: Array) -> Array | None:
-        """Heights above the floor of what sites stand on.
+        """Find heights above the floor of what sites stand on.
 
         Parameters
         ----------
@@ -97,7 +97,7 @@ class Supports:
         return result
 
     def sites(self, model: Model, known: Iterable[Site]) -> tuple[Site, ...]:
-        """Sites of hands and seat that rest, but for those that are known already."""
+        """Make sites of hands and seat that rest, but for those that are known already."""
         names = {site.name for site in known}
         missing = dict.fromkeys(
             support.contact
@@ -107,7 +107,7 @@ class Supports:
         return body_sites(model, tuple(missing))
 
     def activated(self, ready: Series, sites: Sequence[Site]) -> Series:
-        """Activations with hands on rails, and of nothing else where nothing else is estimated.
+        """Let hands on rails carry, and nothing else where nothing else is estimated.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class Supports:
         return replace(ready, values=values * self.touching(sites, ready.time))
 
     def cut(self, contacts: Contacts, sites: Sequence[Site]) -> Contacts:
-        """Contacts at times at which sites can touch, where nothing else is estimated.
+        """Cut contacts to times at which sites can touch, where nothing else is estimated.
 
         Parameters
         ----------
@@ -143,7 +143,7 @@ class Supports:
         return replace(contacts, intervals=tuple(touches))
 
     def _times(self, group: str) -> tuple[Span, ...]:
-        """Times at which a group of sites can touch [s], where nothing else is estimated.
+        """Find the times at which a group of sites can touch [s], where nothing else is estimated.
 
         A foot that no plate carries meanwhile takes part, wherever it stands.
         """
@@ -162,7 +162,7 @@ class Supports:
         return tuple(joined)
 
     def touching(self, sites: Sequence[Site], time: Array) -> Flags:
-        """Times at which sites can touch.
+        """Flag times at which sites can touch.
 
         Parameters
         ----------
@@ -180,8 +180,23 @@ class Supports:
             result[:, column] = _within(time, self._times(site.group))
         return result
 
+    def during(self, time: Array) -> Flags:
+        """Flag frames in which contacts are estimated: all, where not only these are.
+
+        Parameters
+        ----------
+        time : (frames,) [s]
+
+        Returns
+        -------
+        (frames,)
+        """
+        if not self.alone:
+            return np.ones(len(time), bool)
+        return _within(time, [support.window for support in self.all])
+
     def rail_contacts(self) -> Contacts:
-        """Contacts of hands with what they hold on to."""
+        """Make contacts of hands with what they hold on to."""
         rails = [support for support in self.all if support.kind == "rail"]
         touches = tuple(
             Touch(site=rail.contact, start=rail.window[0], stop=rail.window[1], source=FOUND)
@@ -190,7 +205,7 @@ class Supports:
         return Contacts(tuple(dict.fromkeys(rail.contact for rail in rails)), touches)
 
     def used(self, wrenches: Wrenches) -> Wrenches:
-        """Measured forces without those that act on a part of a step only.
+        """Leave out measured forces while they act on a part of a step only.
 
         Parameters
         ----------
@@ -223,7 +238,7 @@ class Supports:
         )
 
     def without_estimated(self, wrenches: Wrenches) -> Wrenches:
-        """Known forces without findings that a load is not known, at times at which it is found.
+        """Leave out findings that a load is not known, at times at which it is found.
 
         Parameters
         ----------
@@ -241,7 +256,7 @@ class Supports:
         return replace(wrenches, findings=tuple(findings))
 
     def _found_for(self, foot: str, wrenches: Wrenches) -> list[Span]:
-        """Times at which the load of a foot is found, or is what its own plate measured [s].
+        """Find times at which the load of a foot is found, or its own plate measured it [s].
 
         Beside a step that presses on a plate in part the load of the other foot is known, too.
         """

@@ -112,13 +112,12 @@ def set_contacts(
     ------
     BadData : the model has no site, or contacts are reported for a site that it does not have
     """
-    measured = known.wrenches
     if plan.stairs is not None:
-        return _on_stairs(plan.stairs, plan, model, motion, measured, options)
+        return _on_stairs(plan.stairs, plan, model, motion, known.wrenches, options)
     standing = known.standing or motion
-    visible = None if plan.measured == "hidden" else measured
+    visible = None if plan.measured == "hidden" else known.wrenches
     plan = _with_supports(plan, model, standing, visible)
-    feet, floor = _feet_and_floor(plan, model, standing, measured)
+    feet, floor = _feet_and_floor(plan, model, standing, known.wrenches)
     sites = (*feet, *plan.sites)
     if not sites:
         raise BadData(
@@ -138,14 +137,18 @@ def set_contacts(
         plan, reported, model, standing, sites, visible, ContactStateOptions(floor=floor)
     )
 
-    steps = plan.found_supports.raised(sites, standing.time)
+    supports = plan.found_supports
     ready = contact_activations(
-        model, standing, sites, contacts, ActivationOptions(floor=floor), steps
+        model,
+        standing,
+        sites,
+        contacts,
+        ActivationOptions(floor=floor, steps=supports.raised(sites, standing.time)),
     )
     ready = _replaced(ready, {name: site.activation for name, site in raised.items()})
-    ready = plan.found_supports.activated(ready, sites)
+    ready = supports.activated(ready, sites)
     plates = _on_plates(plan, model, motion, sites, contacts, known)
-    acting = _acting(plan, model, ready, sites, plates, measured, heard, floor or 0.0)
+    acting = _acting(plan, model, ready, sites, plates, known.wrenches, heard, floor or 0.0)
     task = ContactTask(
         sites=sites,
         activations=acting.ready,
@@ -158,7 +161,7 @@ def set_contacts(
         contacts=contacts,
         exact=acting.exact,
         notes=(*contacts.warnings, *_notes(plan, model, motion, known, feet)),
-        supports=plan.found_supports,
+        supports=supports,
         plates=plates,
         heard=heard,
         alone=acting.alone,
@@ -434,8 +437,8 @@ def _all_contacts(
     holding = tuple(site for site in by_motion if site.against != GROUND)
     parts = [*reported]
     if standing:
-        steps = supports.raised(standing, motion.time)
-        parts.append(find_contacts(model, motion, standing, options, measured, steps))
+        options = replace(options, steps=supports.raised(standing, motion.time))
+        parts.append(find_contacts(model, motion, standing, options, measured))
     if holding:
         parts.append(find_holds(model, motion, holding))
     return supports.cut(_joined(parts, sites), sites)

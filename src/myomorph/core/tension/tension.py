@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import CONTACTS, PASSIVE
@@ -454,7 +455,10 @@ def _root_residuals(tension: Tension) -> Array:
 
 
 def missing_support(
-    tension: Tension, weight: float, infeasible: Sequence[Message] = ()
+    tension: Tension,
+    weight: float,
+    infeasible: Sequence[Message] = (),
+    estimated: NDArray[np.bool_] | None = None,
 ) -> tuple[Finding, ...]:
     """Warn where contacts do not carry the body and much of what moves it comes from nowhere.
 
@@ -466,8 +470,15 @@ def missing_support(
     weight : of the body [N]
     infeasible : what was found of frames whose contacts cannot carry the motion, which is the same
         fault and becomes a part of the finding
+    estimated : (frames,) in which contacts are estimated, None for all
+
+    Returns
+    -------
+    one finding, or none
     """
     residuals = _root_residuals(tension)
+    if estimated is not None:
+        residuals = np.where(estimated, residuals, np.nan)
     known = np.isfinite(residuals).any()
     size = float(np.sqrt(np.nanmean(residuals**2))) if known else 0.0
     if size <= MAX_MISSING * weight:

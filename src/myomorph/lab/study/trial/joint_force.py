@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.core.io.sto import write_sto
 from myomorph.core.model.causes import CONTACTS
@@ -20,15 +21,25 @@ from myomorph.lab.store.quantities import put_value
 from myomorph.lab.study.step.step import StepOutput
 
 
-def carried_tension(tension: Tension, model: Model) -> tuple[Tension, tuple[Message, ...]]:
+def carried_tension(
+    tension: Tension, model: Model, estimated: NDArray[np.bool_] | None = None
+) -> tuple[Tension, tuple[Message, ...]]:
     """Return tensions without frames in which the body is held from nowhere, and what is left out.
 
     Parameters
     ----------
     tension : result; muscle forces (frames, muscles) become NaN in those frames [N]
     model : of the body
+    estimated : (frames,) in which forces of contacts are estimated, None for all: what plates
+        measured stays
+
+    Returns
+    -------
+    the tensions, and a note where something is left out
     """
     lost = unexplained_frames(tension, model.weight)
+    if estimated is not None:
+        lost &= estimated
     if not lost.any():
         return tension, ()
     share = float(lost.mean())

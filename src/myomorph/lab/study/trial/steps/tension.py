@@ -200,7 +200,8 @@ def _write_joint_loads(
     notes: tuple[Message, ...] = ()
     if task.setting is not None:
         # Forces under feet that plates measured stay what they are, whatever holds the root.
-        carried, notes = carried_tension(tension, trial.model)
+        estimated = task.setting.supports.during(tension.time)
+        carried, notes = carried_tension(tension, trial.model, estimated)
     reactions, forces = task.joint_loads(carried, frame, points)
     if reactions is not None:
         write_reactions(reactions, trial.model, output)
@@ -258,9 +259,8 @@ def _with_contacts(
         infeasible, unknown = _write_warnings(trial, task.setting, solution, output)
         # Where the tensions have passive force too, their own notes say it.
         notes = (*(() if tension.options.has_passive else contact_notes(solution.tension)), *notes)
-    findings = missing_support(
-        tension, trial.model.mass * float(np.linalg.norm(trial.model.gravity)), infeasible
-    )
+    estimated = task.setting.supports.during(tension.time)
+    findings = missing_support(tension, trial.model.weight, infeasible, estimated)
     notes += () if findings else infeasible
     findings += unknown
     put_findings(output.writer, FINDINGS, findings)
@@ -448,14 +448,18 @@ def _write_warnings(
 
     The latter is returned, and of which contacts nothing is known.
     """
-    frames = evenly_spaced(trial.options[TensionTables].intervals, len(solution.tension))
+    estimated = np.flatnonzero(setting.supports.during(solution.tension.time))
+    places = evenly_spaced(trial.options[TensionTables].intervals, len(estimated))
+    frames = estimated[places].tolist()
     with progress(f"{trial.name}: what is left open", len(frames)) as advance:
         warnings = contact_warnings(solution, frames, advance)
     model = trial.model
     if warnings.intervals is not None:
         known = with_alone(warnings.intervals, setting.alone, np.asarray(model.up))
         warnings = replace(warnings, intervals=known)
-    contact_store.put_warnings(output.writer, warnings.intervals, warnings.infeasible)
+    inside = set(estimated.tolist())
+    infeasible = tuple(found for found in warnings.infeasible if found.frame in inside)
+    contact_store.put_warnings(output.writer, warnings.intervals, infeasible)
     weight = model.mass * float(np.linalg.norm(model.gravity))
     unknown: tuple[Finding, ...] = ()
     if warnings.intervals is not None:
@@ -463,7 +467,7 @@ def _write_warnings(
         assert solution.tension.contacts is not None
         sites = solution.tension.contacts.sites
         unknown = open_contact_findings(open_contacts(warnings.intervals, sites, weight))
-    return relaxation_messages(warnings.infeasible, len(solution.tension), weight), unknown
+    return relaxation_messages(infeasible, len(solution.tension), weight), unknown
 
 
 def _read(stored: Stored, options: OptionSet) -> Tensions | None:
