@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from myomorph.core.contact.consistency.balance_test import BESIDE, NOT_ONE, Verdict, verdict_of
+from myomorph.core.contact.consistency.plate_disturbances import HUM, SPIKES
 from myomorph.core.contact.consistency.plate_signals import PlateSignals, plate_signals
 from myomorph.core.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
 from myomorph.core.contact.force_inspection import (
@@ -78,6 +79,8 @@ OVERRULED = (TWO_FEET, NO_FOOT)
 """Kinds of findings that ask a part of the balance, so that the whole of it overrules them."""
 BEYOND = frozenset((LOAD, PACE, TURNED_PLATE))
 """Kinds with which the balance would only say the same in other words, or cannot be drawn up."""
+HARMLESS = frozenset((HUM, SPIKES))
+"""Kinds that change no balance of filtered forces."""
 LATE = ("clock", "lost samples")
 """Kinds that change how forces follow the motion, as a rate does."""
 MISPLACES = frozenset(
@@ -502,7 +505,7 @@ def _overruled(new: Sequence[Finding]) -> set[str]:
 def _says_the_same(finding: Finding, said: set[str]) -> bool:
     """Return whether what was said is as much as a finding of the balance says."""
     if finding.kind == NOT_ONE:
-        return bool(said)
+        return bool(said - HARMLESS)
     return bool(said & set(finding.kind.split(" or ")))
 
 
