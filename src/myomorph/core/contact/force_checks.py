@@ -411,12 +411,10 @@ def _judged(
     recorded = inspection.wrenches
     parts = [check for check in checks if check in PARTS_OF_THE_BALANCE]
     inspection = _inspected(inspection, (check for check in checks if check not in parts))
-    balance = Verdict()
-    # It asks where points lie under soles, which plates that feet share do not show.
-    if check_feet in checks:
-        on_no_foot = (item for item in inspection.findings if item.kind != WRONG_FOOT)
-        measured, _ = repaired(recorded, on_no_foot)
-        balance = _balance(inspection, motion, measured, signals)
+    on_no_foot = (item for item in inspection.findings if item.kind != WRONG_FOOT)
+    measured, _ = repaired(recorded, on_no_foot)
+    shared = check_feet not in checks or any(item.kind == TWO_FEET for item in inspection.findings)
+    balance = _balance(inspection, motion, measured, signals, one_foot_each=not shared)
     if not balance.asked:
         inspection = _inspected(inspection, parts)
     return _together(inspection.findings, balance)
@@ -450,7 +448,12 @@ def _not_judged(wrenches: Wrenches, motion: Motion) -> Finding:
 
 
 def _balance(
-    inspection: Inspection, motion: Motion, measured: Wrenches, signals: PlateSignals
+    inspection: Inspection,
+    motion: Motion,
+    measured: Wrenches,
+    signals: PlateSignals,
+    *,
+    one_foot_each: bool,
 ) -> Verdict:
     """Ask the balance of forces and moments of the whole body.
 
@@ -460,6 +463,7 @@ def _balance(
     motion : the frames that are looked at (frames, coordinates) [rad or m]
     measured : forces of whole plates, with what was found put right but for their feet
     signals : of the plates
+    one_foot_each : whether no plate carries two feet at once
     """
     model = inspection.feet.model
     up = np.asarray(model.up)
@@ -470,7 +474,7 @@ def _balance(
     zeros = frozenset(
         number for number, zero in enumerate(zeros_of(measured, up)) if zero is not None
     )
-    return verdict_of(model, motion, measured, signals, zeros)
+    return verdict_of(model, motion, measured, signals, zeros=zeros, one_foot_each=one_foot_each)
 
 
 def _together(findings: Sequence[Finding], balance: Verdict) -> tuple[Finding, ...]:

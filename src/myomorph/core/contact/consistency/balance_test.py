@@ -36,8 +36,8 @@ asked by the square of it.
 """
 APART = 3.0
 """Log evidence within which others are named as well."""
-CLEAN = 1.15
-"""What is left of recordings that are as they should be, over the noise, at most."""
+CLEAN = 1.4
+"""What is left of most recordings that are as they should be, over the noise, at most."""
 EXPLAINED = 2.2
 """What a correction may leave, over the noise, and still explain."""
 MUCH_BESIDE = 0.25
@@ -79,7 +79,12 @@ CAUSES: dict[str, Cause] = {
 
 
 def scene_of(
-    model: Model, motion: Motion, wrenches: Wrenches, signals: PlateSignals, *, whole: bool = False
+    model: Model,
+    motion: Motion,
+    wrenches: Wrenches,
+    signals: PlateSignals,
+    *,
+    one_foot_each: bool = True,
 ) -> Scene | None:
     """Bring a body and its plates onto one clock; None where nothing can be compared.
 
@@ -89,7 +94,7 @@ def scene_of(
     motion : (frames, coordinates) [rad or m]
     wrenches : of the plates, on their own clock
     signals : of the same plates
-    whole : whether frames count in which something else than plates carries the body
+    one_foot_each : whether each stance is that of one foot
     """
     known = np.isfinite(motion.values).all(axis=1)
     if len(motion) < SHORTEST or not known.all() or len(wrenches) < SHORTEST:
@@ -106,7 +111,7 @@ def scene_of(
         needs=body_needs(model, motion),
         channels=channels(wrenches, signals.usable, up, model.weight),
         usable=usable,
-        whole=whole,
+        one_foot_each=one_foot_each,
     )
 
 
@@ -172,7 +177,9 @@ def verdict_of(
     motion: Motion,
     wrenches: Wrenches,
     signals: PlateSignals,
+    *,
     zeros: frozenset[int] = frozenset(),
+    one_foot_each: bool = True,
 ) -> Verdict:
     """Test whether plates, motion and body belong to each other.
 
@@ -183,8 +190,9 @@ def verdict_of(
     wrenches : of the plates, on their own clock
     signals : of the same plates
     zeros : numbers of the plates that were seen without load
+    one_foot_each : whether each stance is that of one foot, so that its sole shows where plates lie
     """
-    scene = scene_of(model, motion, wrenches, signals)
+    scene = scene_of(model, motion, wrenches, signals, one_foot_each=one_foot_each)
     if scene is None or not signals.usable.any():
         return Verdict()
     plates = _MeasuredPlates(wrenches, signals, zeros)

@@ -34,6 +34,8 @@ crosstalk, a tilt [rad], a clock [s], the rate of a clock, an offset over the we
 """
 LOST_AT = (0.3, 0.4, 0.5, 0.6, 0.7)
 """Shares of the frames before samples are lost, as far as they are tried."""
+LOWEST_GAIN = -0.9
+"""Correction of a gain beyond which a plate has no gain but another sign."""
 GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""
 LEAST = {
@@ -41,7 +43,7 @@ LEAST = {
     "mass": 0.055,
     "points": 0.027,
     "crosstalk": 0.025,
-    "tilt": 0.03,
+    "tilt": 0.042,
     "clock": 0.012,
     "lost": 0.015,
     "rate": 0.008,
@@ -126,6 +128,7 @@ class Hypothesis:
         colon
     prior : its log probability beside that of the others
     size : of what is wrong by values, for its message; None where it has none
+    lowest : value below which it would be another fault
     """
 
     kinds: tuple[str, ...]
@@ -137,6 +140,7 @@ class Hypothesis:
     starts: Array | None = None
     prior: float = 0.0
     size: Callable[[Array], float] | None = None
+    lowest: float = -np.inf
 
     @property
     def first_values(self) -> Array:
@@ -288,6 +292,7 @@ class _Group:
                 " the person's mass, or check the calibration of the plates"
             ),
             size=lambda values: 100.0 * float(values[0]),
+            lowest=LOWEST_GAIN,
         )
 
     def _gain(self) -> Hypothesis:
@@ -303,6 +308,7 @@ class _Group:
                 " needs: check the calibration of its plate (gain, range)"
             ),
             size=lambda values: 100.0 / (1.0 + float(values[0])) - 100.0,
+            lowest=LOWEST_GAIN,
         )
 
     def _unit(self, word: str, factor: float) -> Hypothesis:

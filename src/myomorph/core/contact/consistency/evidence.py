@@ -83,6 +83,11 @@ class Tried(NamedTuple):
         return None if self.hypothesis.size is None else self.hypothesis.size(self.values)
 
     @property
+    def possible(self) -> bool:
+        """Whether values of this size are this fault."""
+        return not len(self.values) or float(self.values.min()) > self.hypothesis.lowest
+
+    @property
     def correction(self) -> Correction:
         """What puts the recording right."""
         return self.hypothesis.make(self.values)
@@ -212,6 +217,7 @@ def compared(scene: Scene, hypotheses: Sequence[Hypothesis], live: Sequence[int]
     first = sorted((tried(item, 1) for item in hypotheses), key=lambda item: -item.gain)
     close = [tried(item.hypothesis, STEPS) for item in first[:PROMISING]]
     ranked = sorted([*close, *first[PROMISING:]], key=lambda item: -item.gain)
+    ranked = [item for item in ranked if item.possible]
     return Comparison(tried=tuple(ranked), left=float(np.sqrt(cost / count)))
 
 

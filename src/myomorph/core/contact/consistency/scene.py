@@ -188,12 +188,14 @@ class Scene:
     channels : of the plates
     usable : (frames,) poses that may be believed
     whole : whether frames count in which something else than plates carries the body
+    one_foot_each : whether each stance is that of one foot
     """
 
     needs: BodyNeeds
     channels: Channels
     usable: NDArray[np.bool_]
     whole: bool = False
+    one_foot_each: bool = True
 
     @property
     def up(self) -> int:
@@ -395,6 +397,9 @@ class Scene:
                 [sole.places(point, self.up, stance, correction.ahead) for sole in feet]
             )
             lean = self._lean(stance, forces, center)
+            if not self.one_foot_each:
+                yield lean / np.sqrt(TEMPER)
+                continue
             yield np.concatenate([under[:3], lean]).clip(-20.0, 20.0) / np.sqrt(TEMPER)
             heights.append(under[3])
         if heights:
