@@ -11,7 +11,7 @@ from benchmarks.accuracy.faults.consistency_faults import Case, turn
 from benchmarks.accuracy.faults.consistency_recordings import RECORDED
 
 import myomorph as mm
-from myomorph.core.contact.consistency.balance_test import BESIDE, verdict_of
+from myomorph.core.contact.consistency.balance_test import BESIDE, MeasuredPlates, verdict_of
 from myomorph.core.contact.consistency.body_needs import body_needs
 from myomorph.core.contact.consistency.channels import channels
 from myomorph.core.contact.consistency.corrections import Plates, hypotheses, no_correction
@@ -35,7 +35,7 @@ def findings(case: Case, motion: mm.Motion) -> list:
     """Return what the balance alone says, feet beside the plates left out."""
     up = np.asarray(case.model.up)
     signals = plate_signals(case.wrenches, case.model.weight, up)
-    said = verdict_of(case.model, motion, case.wrenches, signals).findings
+    said = verdict_of(case.model, motion, MeasuredPlates(case.wrenches, signals)).findings
     return [item for item in said if item.kind != BESIDE]
 
 

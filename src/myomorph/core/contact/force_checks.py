@@ -21,7 +21,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from myomorph.core.contact.consistency.balance_test import BESIDE, NOT_ONE, Verdict, verdict_of
+from myomorph.core.contact.consistency.balance_test import (
+    BESIDE,
+    NOT_ONE,
+    MeasuredPlates,
+    Verdict,
+    verdict_of,
+)
 from myomorph.core.contact.consistency.plate_disturbances import HUM, SPIKES
 from myomorph.core.contact.consistency.plate_signals import PlateSignals, plate_signals
 from myomorph.core.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
@@ -474,7 +480,8 @@ def _balance(
     zeros = frozenset(
         number for number, zero in enumerate(zeros_of(measured, up)) if zero is not None
     )
-    return verdict_of(model, motion, measured, signals, zeros=zeros, one_foot_each=one_foot_each)
+    plates = MeasuredPlates(measured, signals, zeros=zeros, one_foot_each=one_foot_each)
+    return verdict_of(model, motion, plates)
 
 
 def _together(findings: Sequence[Finding], balance: Verdict) -> tuple[Finding, ...]:

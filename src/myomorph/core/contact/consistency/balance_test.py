@@ -78,24 +78,40 @@ CAUSES: dict[str, Cause] = {
 """Causes of findings by kind, `PLATES` of the others."""
 
 
-def scene_of(
-    model: Model,
-    motion: Motion,
-    wrenches: Wrenches,
-    signals: PlateSignals,
-    *,
-    one_foot_each: bool = True,
-) -> Scene | None:
+@dataclass(frozen=True, eq=False)
+class MeasuredPlates:
+    """Plates as they were recorded.
+
+    Attributes
+    ----------
+    wrenches : on their own clock
+    signals : what they show by themselves
+    zeros : numbers of those that were seen without load
+    one_foot_each : whether each stance is that of one foot, so that its sole shows where plates lie
+    """
+
+    wrenches: Wrenches
+    signals: PlateSignals
+    zeros: frozenset[int] = frozenset()
+    one_foot_each: bool = True
+
+    @property
+    def live(self) -> tuple[int, ...]:
+        """Numbers of those that are stepped on and work."""
+        return tuple(int(number) for number in np.flatnonzero(self.signals.usable))
+
+
+def scene_of(model: Model, motion: Motion, plates: MeasuredPlates) -> Scene | None:
     """Bring a body and its plates onto one clock; None where nothing can be compared.
 
     Parameters
     ----------
     model : of a person with two feet
     motion : (frames, coordinates) [rad or m]
-    wrenches : of the plates, on their own clock
-    signals : of the same plates
-    one_foot_each : whether each stance is that of one foot
+    plates : on their own clock
     """
+    wrenches = plates.wrenches
+    signals = plates.signals
     known = np.isfinite(motion.values).all(axis=1)
     if len(motion) < SHORTEST or not known.all() or len(wrenches) < SHORTEST:
         return None
@@ -111,7 +127,7 @@ def scene_of(
         needs=body_needs(model, motion),
         channels=channels(wrenches, signals.usable, up, model.weight),
         usable=usable,
-        one_foot_each=one_foot_each,
+        one_foot_each=plates.one_foot_each,
     )
 
 
@@ -137,27 +153,6 @@ def _usable(
     return usable
 
 
-@dataclass(frozen=True, eq=False)
-class _MeasuredPlates:
-    """Plates as they were recorded.
-
-    Attributes
-    ----------
-    wrenches : on their own clock
-    signals : what shows by themselves
-    zeros : numbers of those that were seen without load
-    """
-
-    wrenches: Wrenches
-    signals: PlateSignals
-    zeros: frozenset[int]
-
-    @property
-    def live(self) -> tuple[int, ...]:
-        """Numbers of those that are stepped on and work."""
-        return tuple(int(number) for number in np.flatnonzero(self.signals.usable))
-
-
 @dataclass(frozen=True)
 class Verdict:
     """Whether plates, motion and body belong to each other.
@@ -172,38 +167,27 @@ class Verdict:
     asked: bool = False
 
 
-def verdict_of(
-    model: Model,
-    motion: Motion,
-    wrenches: Wrenches,
-    signals: PlateSignals,
-    *,
-    zeros: frozenset[int] = frozenset(),
-    one_foot_each: bool = True,
-) -> Verdict:
+def verdict_of(model: Model, motion: Motion, plates: MeasuredPlates) -> Verdict:
     """Test whether plates, motion and body belong to each other.
 
     Parameters
     ----------
     model : of a person with two feet
     motion : (frames, coordinates) [rad or m]
-    wrenches : of the plates, on their own clock
-    signals : of the same plates
-    zeros : numbers of the plates that were seen without load
-    one_foot_each : whether each stance is that of one foot, so that its sole shows where plates lie
+    plates : on their own clock
     """
-    scene = scene_of(model, motion, wrenches, signals, one_foot_each=one_foot_each)
+    scene = scene_of(model, motion, plates)
+    signals = plates.signals
     if scene is None or not signals.usable.any():
         return Verdict()
-    plates = _MeasuredPlates(wrenches, signals, zeros)
     found = None
     if scene.beside > MUCH_BESIDE or len(scene.chosen) < FEWEST:
         found = _brought_back(scene, plates)
     asked = found is not None or len(scene.chosen) >= FEWEST
     if found is None and asked:
         found = _likeliest(_compared(scene, plates), _late(motion, signals))
-    named = all(wrenches.bodies) and not any(item.kind in BROKEN for item in signals.findings)
-    beside = tuple(_beside(scene)) if named else ()
+    broken = any(item.kind in BROKEN for item in signals.findings)
+    beside = () if broken or not all(plates.wrenches.bodies) else tuple(_beside(scene))
     if found is None or (beside and found.kind == NOT_ONE):
         return Verdict(beside, asked)
     return Verdict((found,), asked)
@@ -268,7 +252,7 @@ def _beside(scene: Scene) -> Iterator[Finding]:
         yield Finding(kind=BESIDE, place=f"{name} foot", text=text, times=spans)
 
 
-def _compared(scene: Scene, plates: _MeasuredPlates) -> Comparison:
+def _compared(scene: Scene, plates: MeasuredPlates) -> Comparison:
     """Compare all that may be wrong with plates, a trifle that explains as much taken off first."""
     found = _compared_as_is(scene, plates)
     least = max(DECISIVE, found.tried[0].gain - APART)
@@ -279,7 +263,7 @@ def _compared(scene: Scene, plates: _MeasuredPlates) -> Comparison:
     return found
 
 
-def _compared_as_is(scene: Scene, plates: _MeasuredPlates) -> Comparison:
+def _compared_as_is(scene: Scene, plates: MeasuredPlates) -> Comparison:
     """Compare all that may be wrong with plates."""
     live = plates.live
     named = Plates(
@@ -293,13 +277,13 @@ def _compared_as_is(scene: Scene, plates: _MeasuredPlates) -> Comparison:
     return compared(scene, list(hypotheses(named)), live)
 
 
-def _seen_with(scene: Scene, plates: _MeasuredPlates, wrenches: Wrenches) -> Scene:
+def _seen_with(scene: Scene, plates: MeasuredPlates, wrenches: Wrenches) -> Scene:
     """Look at a scene with other forces of its plates."""
     seen = channels(wrenches, plates.signals.usable, scene.up, scene.weight)
     return replace(scene, channels=seen)
 
 
-def _brought_back(scene: Scene, plates: _MeasuredPlates) -> Finding | None:
+def _brought_back(scene: Scene, plates: MeasuredPlates) -> Finding | None:
     """Find the sign, axis, unit or clock by which plates seem to carry a part of the body only."""
     whole = replace(scene, whole=True)
     if len(whole.chosen) < FEWEST:
@@ -314,7 +298,7 @@ def _brought_back(scene: Scene, plates: _MeasuredPlates) -> Finding | None:
     return None
 
 
-def _left_with(scene: Scene, plates: _MeasuredPlates, correction: Correction) -> float | None:
+def _left_with(scene: Scene, plates: MeasuredPlates, correction: Correction) -> float | None:
     """Make a correction of signs, axes, units or clocks, and return what is left then.
 
     Returns

@@ -20,6 +20,9 @@ from myomorph.core.tension.tension import MAX_UNEXPLAINED, Tension, unexplained_
 from myomorph.lab.store.quantities import put_value
 from myomorph.lab.study.step.step import StepOutput
 
+FEW_LEFT_OUT = 0.1
+"""Share of the frames without joint loads up to which what is left is good to use."""
+
 
 def carried_tension(
     tension: Tension, model: Model, estimated: NDArray[np.bool_] | None = None
@@ -48,6 +51,8 @@ def carried_tension(
         f" {100.0 * MAX_UNEXPLAINED:.0f} % of the weight comes from nowhere",
         times=spans_of(tension.time, lost),
         share=share,
+        # Frames without numbers change none, as long as most have them.
+        gravity="good to know" if share < FEW_LEFT_OUT else None,
     )
     force = np.where(lost[:, None], np.nan, tension.muscle_force)
     return replace(tension, muscle_force=force), (note,)
