@@ -172,7 +172,7 @@ def test_feet_that_tremble_make_no_strides():
     points = Series(time, ("paw_r", "paw_l", "trunk"), standing)
     found = find_strides(points, LIMBS, ["trunk"], Z)
     assert not found.strides
-    assert sum("not seen to go forward and back" in note for note in found.notes) == 2
+    assert sum("does not move forward and back" in note for note in found.notes) == 2
 
 
 def test_plates_go_before_markers():
@@ -231,7 +231,7 @@ def test_what_is_wrong_is_named():
     still = np.array(made.values)
     still[:, 1] = still[:, 2]
     assert (
-        "foot_l: the foot is not seen to go forward and back"
+        "foot_l: the foot does not move forward and back"
         in find_strides(Series(made.time, made.names, still), LIMBS, ("trunk",), Z).notes
     )
 

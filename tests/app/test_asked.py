@@ -68,7 +68,7 @@ def test_two_names_that_became_one_are_one_person():
     [
         ({"trials": [{"id": 7}]}, "there is no recording '7'"),
         ({"trials": [{"id": "../x"}]}, "there is no recording"),
-        ({"trials": [{"id": 1, "used": False}]}, "no recording is chosen"),
+        ({"trials": [{"id": 1, "used": False}]}, "no recording is selected"),
         ({"trials": [{"id": 1, "movement": "wlaking"}]}, "walking"),
         ({"trials": "x"}, "'trials' is no list"),
         ({"people": [1]}, "'people' is no list"),

@@ -80,7 +80,7 @@ def test_results_are_no_recordings(squat, tmp_path):
     results.mkdir()
     (results / "study.json").write_text("{}")
     (results / "squat 1.trc").write_bytes((squat / "squat 1.trc").read_bytes())
-    with pytest.raises(BadData, match="holds no recording but in folders of results"):
+    with pytest.raises(BadData, match="holds recordings only in folders of results"):
         look_into(tmp_path, lambda *values: None)
 
 
@@ -135,7 +135,7 @@ def test_a_place_that_nobody_knows_is_answered_with_those_alike(tmp_path):
 def test_a_folder_is_looked_at_beside_the_server(squat, tmp_path):
     desk = Desk(tmp_path)
     desk.look_at(f'"{squat}"')
-    with pytest.raises(BadData, match="something is being computed"):
+    with pytest.raises(BadData, match="a computation is running"):
         desk.look_at(str(squat))
     state = waited(desk)
     assert (state["phase"], state["error"]) == ("found", "")

@@ -23,14 +23,14 @@ def test_files_come_whole_into_folders(begun):
 
 
 def test_a_file_that_ends_too_early_is_not_there(begun):
-    with pytest.raises(BadFile, match="did not come whole"):
+    with pytest.raises(BadFile, match="arrived incomplete"):
         begun.receive("walk.c3d", io.BytesIO(b"ab"), 4)
     assert list(begun.folder.iterdir()) == []
 
 
 @pytest.mark.parametrize("name", ["film.mp4", "walk.exe", "walk", "walk.c3d.lnk"])
 def test_only_recordings_and_what_belongs_to_them_are_taken(begun, name):
-    with pytest.raises(BadFile, match=r"is no recording and belongs to none; expected .*\.c3d"):
+    with pytest.raises(BadFile, match=r"is not a recording and belongs to none; expected .*\.c3d"):
         begun.receive(name, io.BytesIO(b"abcd"), 4)
     assert list(begun.folder.iterdir()) == []
 

@@ -149,7 +149,7 @@ def test_too_much_is_refused_before_it_comes(client):
 def test_messages_that_are_none(client, body):
     answer, data = client.ask("POST", "look", body)
     assert answer.status == 400
-    assert "load the page again" in json.loads(data)["error"]
+    assert "reload the page" in json.loads(data)["error"]
 
 
 def test_a_message_that_is_too_long_or_says_no_length(client):
@@ -161,7 +161,7 @@ def test_a_message_that_is_too_long_or_says_no_length(client):
 
 def test_mistakes_are_told_in_sentences(client, tmp_path):
     for path, expected in (
-        ("walks", "is no whole path"),
+        ("walks", "is not a full path"),
         (str(tmp_path / "nothing"), "does not exist; give a folder of recordings"),
     ):
         status, answer = client.json("POST", "look", {"path": path})
@@ -170,7 +170,7 @@ def test_mistakes_are_told_in_sentences(client, tmp_path):
     status, answer = client.json("POST", "compute", {})
     assert (status, answer["error"]) == (
         400,
-        "nothing was looked at yet: drop recordings first",
+        "no recordings yet: drop some first",
     )
 
 

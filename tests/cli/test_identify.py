@@ -40,7 +40,7 @@ def test_expected_masses_move_to_where_the_forces_are(plate, command):
     assert "61 of 61 frames used" in told.out
     assert "all 2 links are physically possible" in told.out
     assert "from the prior" in told.out
-    assert "soft tissue: not shown" in told.out
+    assert "soft tissue: not identifiable" in told.out
     assert told.err == ""
     assert not list(plate.folder.glob(".*"))
 
@@ -49,7 +49,7 @@ def test_a_mass_that_is_not_shown_stays_and_is_named(plate, command):
     """The default: the interval of the upper arm holds what the model says."""
     told = command(*given(plate, "--mass", 4.0, "--no-compare"))
     assert told.status == 0, told.err
-    assert "masses that forces show to be other ones than the shape's: none" in told.out
+    assert "masses that forces show to differ from the shape's: none" in told.out
     model = read_osim(plate.folder / "identified.osim")
     assert model.body("upper").mass == pytest.approx(2.0, rel=1e-5)
     table = (plate.folder / "identified_identification" / "masses.csv").read_text().splitlines()

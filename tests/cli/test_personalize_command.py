@@ -57,9 +57,7 @@ def test_muscles_from_torques_of_loads(plate, command):
         assert float(row["low"]) < float(row["person"]) < float(row["high"])
         assert row["identifiable"] in ("yes", "partly", "no")
     said = told.err.splitlines()
-    assert any("of the lengths, which are what was assumed before" in line for line in said[:4]), (
-        said
-    )
+    assert any("of the lengths, which follow the prior" in line for line in said[:4]), said
     assert all("_" not in name for name in rows[0])
     assert "Normalized fiber length" in (folder / "report.html").read_text()
 
@@ -242,7 +240,7 @@ def test_what_a_study_does_not_use_is_reported(plate):
         + 'passive = ["passive.sto"]\n'
     )
     assert any(
-        "'passive' is not used: its steps lack 'personalize'" in one
+        "'passive' is not used: step 'personalize' is missing" in one
         for one in read_plan(path).remarks
     )
     path.write_text(STUDY + 'passive = ["none.sto"]\ngeneric = "none.osim"\n')

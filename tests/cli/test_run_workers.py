@@ -51,7 +51,7 @@ def test_workers_and_again(arm, study, command):
         (("--workers", 0), "workers 0: expected 1 or more"),
         (("--workers", -1, "--dry-run"), "workers -1: expected 1 or more"),
         (("--memory", "nan"), "--memory nan: expected a number of GB"),
-        (("--memory", 0.001), "less holds no model"),
+        (("--memory", 0.001), "less does not hold a model"),
         (("--fresh", "--resume"), "--resume and --fresh exclude each other"),
     ],
 )
@@ -82,5 +82,5 @@ def test_what_failed_is_named_at_the_end(arm, study, command, in_process):
     assert found.status == 2
     *_, done, failed, page = found.out.splitlines()
     assert done.startswith("1 of 2 trials done")
-    assert failed == "failed: s01/again; why stands in results.csv and study.log"
+    assert failed == "failed: s01/again; reasons are in results.csv and study.log"
     assert page.endswith("study.html")

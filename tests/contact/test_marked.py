@@ -31,5 +31,5 @@ def test_several_events_recover_the_pace():
 def test_clocks_that_cannot_be_are_refused():
     with pytest.raises(BadData, match="expected as many"):
         camera_clock([1.0, 2.0], [1.0])
-    with pytest.raises(BadData, match="is its rate right"):
+    with pytest.raises(BadData, match="check its rate"):
         camera_clock([0.0, 10.0], [0.0, 20.0])

@@ -138,5 +138,5 @@ def test_a_model_without_feet_is_told(
         for one in model.joints
     )
     bare = replace(model, bodies=bodies, joints=joints, muscles=(), markers=())
-    with pytest.raises(BadData, match=r"no body of model .* is called a foot"):
+    with pytest.raises(BadData, match=r"no body of model .* is named as a foot"):
         OnlineFeet(bare, ("plate",), ("",))

@@ -252,7 +252,7 @@ def test_a_calibrated_plate_gives_forces_in_the_laboratory():
 def test_too_few_or_coincident_placements_are_refused():
     with pytest.raises(BadData, match="2 placements can be used, expected at least 3"):
         calibrate_plate(_weights(GRID[:2]))
-    with pytest.raises(BadData, match="the plate's turn about the vertical is not shown"):
+    with pytest.raises(BadData, match="the plate's rotation about the vertical is not determined"):
         calibrate_plate(_weights([(0.01, 0.0), (0.0, 0.01), (0.0, 0.0)]))
 
 

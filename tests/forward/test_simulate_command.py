@@ -22,7 +22,7 @@ def test_an_arm_falls_and_its_tables_are_whole(data, tmp_path, capsys):
     model = data(ARM)
     assert run("simulate", "--model", model, "--seconds", 0.2, "--certify", "--out", out) == 0
     printed = capsys.readouterr().out
-    assert "energy without a cause" in printed
+    assert "energy error" in printed
     assert "With half the tolerance" in printed
     moved = read_sto(out / "coordinates.mot")
     assert moved.in_degrees

@@ -31,7 +31,7 @@ def test_a_whole_number_of_thousands_of_digits(tmp_path):
 
 
 def test_a_hexadecimal_number_of_thousands_of_digits(tmp_path):
-    assert "a number of thousands of digits" in said(
+    assert "a number with thousands of digits" in said(
         tmp_path, STUDY.replace('"walking"', "0x" + "7" * 5000)
     )
 

@@ -78,7 +78,7 @@ def test_each_fault_is_named(body, parameters):
     assert report.links[3].massless
     assert report.links[4].faults == ("moments without mass",)
     assert report.verdict.startswith(
-        "4 of 5 links are not those of a body: 'link0': mass -0.5 kg; 'link1'"
+        "4 of 5 links are not physically possible: 'link0': mass -0.5 kg; 'link1'"
     )
     assert not np.allclose(center, away)
 

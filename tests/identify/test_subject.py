@@ -323,7 +323,7 @@ def test_forces_of_another_moment_gain_nothing(walk):
         mass=MASS,
         options=IdentificationOptions(compare=False, if_worse="identified"),
     )
-    assert "taken all the same" in insisted.notes[0]
+    assert "used because" in insisted.notes[0]
     assert insisted.chosen == insisted.identified == "identified, own"
 
 

@@ -63,7 +63,7 @@ def test_markers_are_renamed_and_an_empty_name_drops_one():
 
 
 def test_two_labels_of_one_name_are_refused_unless_one_is_dropped():
-    with pytest.raises(BadData, match="would both be called"):
+    with pytest.raises(BadData, match="would both be named"):
         with_labels(trial("RASI", "R.ASIS"), {"RASI": "R.ASIS"})
     found = with_labels(trial("RASI", "R.ASIS"), {"RASI": "R.ASIS", "R.ASIS": ""})
     assert found.markers.names == ("R.ASIS",)
@@ -116,7 +116,8 @@ def test_a_recording_of_which_the_model_has_few_markers_says_so():
     ).with_markers(markers)
     (warning,) = fitted_to(model, trial("a", "x", "y", "z")).warnings
     assert (
-        "1 of the model's 4 markers were recorded, and 3 labels are none of its markers ('x', 'y',"
+        "1 of the model's 4 markers were recorded, and 3 labels are not among its markers ('x',"
+        " 'y',"
         " 'z')" in warning
     )
     assert not fitted_to(model, trial("a", "b", "y", "z")).warnings

@@ -228,7 +228,7 @@ def test_a_stream_that_is_announced_but_silent_is_told() -> None:
         resolve_byprop=lambda key, value, timeout: ["found"],
         StreamInlet=lambda found, processing_flags: SimpleNamespace(info=silent),
     )
-    with pytest.raises(BadData, match="stream 'Cameras' is announced but does not answer"):
+    with pytest.raises(BadData, match="stream 'Cameras' is announced but does not respond"):
         LabStreams("Cameras", "", library=library)
 
 

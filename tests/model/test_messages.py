@@ -98,7 +98,7 @@ def test_printed_lines_have_every_warning() -> None:
     many = [CONTACTS.message(f"stretch {number}", size=float(number)) for number in range(9)]
     lines = outcome_lines((AXES, *many), "report.html")
     assert lines[0] == "changes results: Contacts that cannot carry the motion: " + (
-        "up to 8 N come from nowhere"
+        "up to 8 N are unexplained"
     )
     assert lines[1:10] == [f"  stretch {number}" for number in range(8, -1, -1)]
     assert not any("more of this cause" in line for line in lines)

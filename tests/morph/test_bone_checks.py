@@ -97,19 +97,21 @@ def test_another_species_is_told_by_its_size():
 def test_a_scanner_s_frame_is_said():
     notes = check_bone("femur_r", moved(BONE, (2.0, 0.3, 0.1), (0.0, 0.0, 0.9)), BONE)
     assert "lies turned by" in notes[0]
-    assert "takes over the frame of the file" in notes[0]
+    assert "gets the frame of the file" in notes[0]
     far = moved(BONE, shift=(0.0, 0.0, 0.9))
     assert "0.9 m from" in check_bone("femur_r", far, BONE)[0]
 
 
 def test_flipped_triangles_are_turned_and_said():
     inward = Surface(BONE.vertices, BONE.faces[:, ::-1])
-    assert repaired(inward)[1] == ["the bone: all triangles looked inward and were turned outward"]
+    assert repaired(inward)[1] == ["the bone: all triangles pointed inward and were turned outward"]
     some = BONE.faces.copy()
     chosen = np.random.default_rng(0).choice(len(some), 40, replace=False)
     some[chosen] = some[chosen, ::-1]
     found, notes = repaired(Surface(BONE.vertices, some))
-    assert notes == [f"the bone: 40 of {len(some)} triangles looked inward and were turned outward"]
+    assert notes == [
+        f"the bone: 40 of {len(some)} triangles pointed inward and were turned outward"
+    ]
     volume = signed_volume(found.vertices, found.faces)
     assert volume == pytest.approx(signed_volume(BONE.vertices, BONE.faces))
 
@@ -121,7 +123,7 @@ def test_repeated_vertices_and_empty_triangles_go():
     found, notes = repaired(corners)
     assert len(found.vertices) == len(np.unique(BONE.faces))
     assert not len(border_of(found.faces))
-    assert "vertices that lie on others became one" in notes[0]
+    assert "duplicate vertices were merged" in notes[0]
     doubled = Surface(BONE.vertices, np.concatenate([BONE.faces, BONE.faces[:5], [[0, 0, 1]]]))
     assert repaired(doubled)[1] == [
         "the bone: 6 triangles without area or given twice are left out"
@@ -199,7 +201,7 @@ def test_meshes_with_inverted_faces(data):
     found, notes = repaired(inverted)
     assert differing(found, sound) <= 7
     assert any(
-        "54 of 374 triangles looked inward and were turned outward" in note for note in notes
+        "54 of 374 triangles pointed inward and were turned outward" in note for note in notes
     )
     assert any("is open" in note for note in notes)
 

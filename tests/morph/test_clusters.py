@@ -122,7 +122,7 @@ def test_swapped_markers_are_named():
 
 def test_what_cannot_be_told_apart_or_is_lacking_is_refused():
     balls = find_balls(cluster(CENTERS))
-    with pytest.raises(BadData, match="nothing tells the markers hum1, hum2, hum3 apart"):
+    with pytest.raises(BadData, match="nothing distinguishes the markers hum1, hum2, hum3"):
         name_cluster(balls, NAMES)
     with pytest.raises(BadData, match="2 markers were found in the cluster's surface, expected 3"):
         name_cluster(balls[:2], NAMES, DISTANCES)

@@ -225,7 +225,7 @@ def test_features_at_one_place_are_one(options: MapOptions) -> None:
             found.apply(source[:3]), _bent(source[:3]) + [0.001, 0, 0], rtol=0, atol=1e-10
         )
     assert feature_warnings(_features(source, target)) == (
-        "3 of 15 feature points share a place: joined",
+        "3 of 15 feature points have the same position: merged",
     )
 
 

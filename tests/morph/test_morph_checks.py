@@ -259,13 +259,11 @@ def test_open_and_flipped_bones_are_named():
     bone = morph.bones["thigh"]
     flipped = replace(bone, target=Surface(bone.target.vertices, bone.target.faces[:, ::-1]))
     checks = check_morph(replace(morph, bones={**morph.bones, "thigh": flipped}))
-    assert checks.notes == (
-        "thigh: the target's bone looks inward; its faces were turned to tell what is inside",
-    )
+    assert checks.notes == ("thigh: the target's bone looks inward; its faces were turned outward",)
     none = replace(bone, source=None, target=None)
     checks = check_morph(replace(morph, bones={**morph.bones, "thigh": none}))
     assert checks.notes == (
-        "paths are not held against thigh: no bones of both source and target are known",
+        "paths are not checked against thigh: no bones of both source and target are known",
     )
 
 

@@ -206,7 +206,7 @@ def test_tools_that_are_not_built_are_named(tmp_path):
     path = tmp_path / "setup.xml"
     path.write_text("<OpenSimDocument Version='40000'><CMCTool/></OpenSimDocument>")
     with pytest.raises(
-        BadFile, match="holds <CMCTool>, a tool that is not built; the tools that exist are"
+        BadFile, match="holds <CMCTool>, a tool that is not supported; the tools that exist are"
     ):
         run_tool(path)
 

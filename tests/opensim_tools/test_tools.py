@@ -276,7 +276,7 @@ def test_muscle_analysis_writes_what_it_names(arm, tmp_path):
         "Moment_r_elbow_flex",
     }
     assert {path.parent for path in result.written} == {tmp_path / "Results"}
-    assert "analysis ProbeReporter is left out: it is not built" in result.warnings
+    assert "analysis ProbeReporter is left out: it is not supported" in result.warnings
     table = read_sto(written["MomentArm_r_elbow_flex"])
     assert table.names == ("BRA", "TRIlong")
     assert (table["BRA"] > 0).all()

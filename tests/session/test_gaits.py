@@ -68,5 +68,5 @@ def test_mice(data) -> None:
     session = read_session(data("mouse-gait-c3d-force"))
     sentences = {trial.name: trial.movement.sentence for trial in session.trials}
     assert "walk: the left hind foot strikes 0.5" in sentences["Cage6_none_12_01_26_trial_3"]
-    assert "gait not shown" in sentences["Cage6_1L_05_01_26_trial_1"]
+    assert "gait not determined" in sentences["Cage6_1L_05_01_26_trial_1"]
     assert {trial.movement.value for trial in session.trials} == {"walking"}

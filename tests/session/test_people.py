@@ -161,7 +161,7 @@ def test_two_of_one_build_are_taken_as_one_and_it_is_said() -> None:
     second.mass = first.mass
     (group,) = people_of([*two_recordings(first, "a"), *two_recordings(second, "b")])
     assert len(group.unresolved) == 1
-    assert "cannot be told apart, taken as one" in group.unresolved[0]
+    assert "cannot be distinguished, assumed to be one" in group.unresolved[0]
 
 
 def test_a_name_ties_two_placements() -> None:
@@ -269,7 +269,7 @@ def test_two_adults_of_like_build_in_one_folder_are_reported(data) -> None:
     assert "taken as one" in person.unresolved[0]
     assert "static_lower_body" in person.unresolved[0]
     text = "\n".join(inspect(folder).lines())
-    assert "cannot be told apart, taken as one" in text
+    assert "cannot be distinguished, assumed to be one" in text
 
 
 def test_adults_of_two_builds_are_told_apart_without_names(data) -> None:

@@ -128,7 +128,7 @@ def test_a_folder_of_an_older_version_is_used(tmp_path, version):
 
 def test_a_mark_that_is_none(tmp_path):
     (tmp_path / MARK).write_text("{}")
-    with pytest.raises(BadFile, match="does not show which run wrote here"), study_lock(tmp_path):
+    with pytest.raises(BadFile, match="does not state which run wrote here"), study_lock(tmp_path):
         pass
 
 

@@ -225,7 +225,7 @@ def test_a_gain_that_torques_do_not_tell_is_the_usual_one_and_named(data):
     )
     assert not found.by_torque[0]
     assert found.intervals[0, 1] > 2.0 * found.intervals[0, 0]
-    assert any("torques say little of the EMG gain of one" in text for text in found.warnings)
+    assert any("torques hardly determine the EMG gain of one" in text for text in found.warnings)
 
 
 def test_normalized_envelopes_are_activations(pair):
@@ -327,7 +327,7 @@ def test_a_delay_that_torques_do_not_tell_is_said(data):
         RIGID,
     )
     assert any(
-        "no delay of all EMG channels shows in the torques" in text for text in found.warnings
+        "the torques determine no delay of the EMG channels" in text for text in found.warnings
     )
 
 

@@ -107,7 +107,7 @@ def test_markers_of_the_scan_come_onto_the_model(specimen):
 
 def test_without_a_recording_picked_points_must_tell_the_markers_apart(specimen):
     model, scans, _ = specimen
-    with pytest.raises(BadData, match="nothing tells the markers hum1, hum2, hum3 apart"):
+    with pytest.raises(BadData, match="nothing distinguishes the markers hum1, hum2, hum3"):
         model_from_scans(model, scans)
 
 

@@ -424,7 +424,7 @@ def test_markers_swapped_in_a_cluster_of_two_like_sides_are_put_right(bone, part
     tracked = track(specimen, [with_markers(trial, exchange)], MARKERS_ONLY)
     assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     (note,) = tracked.trials[0].notes
-    assert f"'{bone}_2' and '{bone}_3' bear each other's names" in note
+    assert f"'{bone}_2' and '{bone}_3' are exchanged" in note
 
 
 def test_two_trials_of_one_name_are_two_trials():
@@ -450,7 +450,7 @@ def test_markers_that_blink_are_told_in_one_line():
     assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     assert not tracked.slips
     (note,) = tracked.trials[0].notes
-    assert "15 markers are unseen now and then" in note
+    assert "15 markers are hidden now and then" in note
 
 
 def test_the_thoracoscapular_shoulder_with_a_hand_that_its_model_welds(data):

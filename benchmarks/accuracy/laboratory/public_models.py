@@ -23,7 +23,7 @@ FOLDER = "MYOMORPH_PUBLIC_MODELS"
 ENDINGS = (".osim", ".xml", ".mjcf")
 FAULT = "fault of Myomorph"
 CAUSES = {
-    "a part of another file, no model by itself": r"outermost element is <mujocoinclude>",
+    "a part of another file and not a model by itself": r"outermost element is <mujocoinclude>",
     "another kind of XML": r"holds <|XML of another kind|holds an empty|expected a model",
     "a file that it names is missing": r"does not exist|no mass without the missing meshes"
     r"|no such file",
@@ -31,7 +31,7 @@ CAUSES = {
     "entities, which could expand without end": r"declares XML entities",
     "no well-formed XML": r"^line \d+: .*(error|mismatch|tag|Failed|Unescaped)",
     "older than OpenSim 4 reads": r"which OpenSim 4 refuses too",
-    "a class that is not built": r"not built|expected one of",
+    "a class that is not supported": r"not supported|expected one of",
     "no body": r"has no body",
     "MuJoCo refuses it": r"MuJoCo cannot compile",
     "takes too long": r"did not compile it within",

@@ -8,8 +8,8 @@ CALIBRATION = Cause(
     key="calibration",
     title="Lengths and markers that recordings hardly show",
     gravity="may change results",
-    effect="Segment lengths, marker positions and zero angles follow what was assumed before.",
-    remedy="Add a static trial, markers, or motions that turn the joints named.",
+    effect="Segment lengths, marker positions and zero angles follow the prior.",
+    remedy="Add a static trial, markers, or motions that rotate the joints named.",
     quantities=("coordinate_value", "marker_error"),
 )
 SIDES = Cause(
@@ -24,14 +24,14 @@ SIDES = Cause(
 )
 SEARCH = Cause(
     key="search",
-    title="Searches that did not end",
+    title="Searches that did not converge",
     gravity="may change results",
-    effect="The estimate may be better than it is.",
+    effect="Further iterations may improve the estimate.",
     remedy="Allow more iterations.",
 )
 MASSES = Cause(
     key="masses",
-    title="Masses of segments that are hard to believe",
+    title="Implausible masses of segments",
     gravity="may change results",
     effect="Torques of segments that move fast follow their masses.",
     remedy="Record longer and more varied motions, with nothing but plates to touch.",
@@ -54,25 +54,25 @@ SKIN = Cause(
 )
 COUNTERPARTS = Cause(
     key="counterparts",
-    title="Parts that two models do not share",
+    title="Parts that only one of two models has",
     gravity="may change results",
     effect="What is missing in one model stays as it was in the other.",
     remedy="Look at the parts named.",
 )
 PERSONAL_MUSCLES = Cause(
     key="personal_muscles",
-    title="Muscles of the person that recordings hardly show",
+    title="Muscles that recordings hardly determine",
     gravity="may change results",
-    effect="Their strengths and lengths are those that were assumed before.",
+    effect="Their strengths and lengths follow the prior.",
     remedy="Record EMG, and motions that use the muscles through their range.",
     quantities=("muscle_force", "activation"),
 )
 SENSOR_READING = Cause(
     key="sensor_reading",
-    title="Sensors that fit only in another place or reading",
+    title="Sensors that fit only on another body or with another convention",
     gravity="changes results",
-    size="{size} times as much is left as noise explains",
+    size="residuals {size} times the noise",
     effect="Angles of the segments named are of other sensors, or of none.",
-    remedy="Set labels and format right, or leave the sensor out (--imu-bodies SENSOR=-).",
+    remedy="Correct labels and format, or leave the sensor out (--imu-bodies SENSOR=-).",
     quantities=("coordinate_value", "sensor_error"),
 )

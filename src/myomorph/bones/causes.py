@@ -14,7 +14,7 @@ PATHS = Cause(
 )
 ATTACHMENTS = Cause(
     key="attachments",
-    title="Attachments that left their bones",
+    title="Attachments off their bones",
     gravity="may change results",
     effect="Paths of the muscles named begin or end elsewhere.",
     remedy="Look at the registration of the bone named.",

@@ -222,7 +222,7 @@ def error_section(morph_errors: MorphErrors) -> Section:
         f"{len(morph_errors.points)} points of muscles, each where a map puts it, against where the"
         f" known deformation puts it. “{WRITTEN.capitalize()}” is the model of this page: the dense"
         " map, then points near a surface put back onto it, and via points brought out of bones."
-        " Moment arms are held against those of the model that the known deformation itself"
+        " Moment arms are compared with those of the model that the known deformation itself"
         " carries; joint centers against where it puts the source's."
     )
     head = ("Method", "Median [mm]", "Mean [mm]", "95 % [mm]", "Worst [mm]")

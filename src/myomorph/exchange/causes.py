@@ -6,27 +6,27 @@ from myomorph.core.model.messages import Cause
 
 SETUPS = Cause(
     key="setups",
-    title="Parts of a setup that do otherwise here",
+    title="Parts of a setup that work differently here",
     gravity="may change results",
     effect="Results differ from those of the program that the setup was written for.",
     remedy="Look at the parts named.",
 )
 COPIES = Cause(
     key="copies",
-    title="What a copy for another program holds otherwise",
+    title="Differences of a copy for another program",
     gravity="may change results",
-    effect="The copy does otherwise where each says so.",
+    effect="The copy behaves differently in the parts named.",
     remedy="Look at the parts named.",
 )
 DATASETS = Cause(
     key="datasets",
-    title="What a data set does not hold",
+    title="Data missing in a data set",
     gravity="good to know",
     effect="As each says.",
 )
 TOO_WEAK = Cause(
     key="too_weak",
-    title="Muscles that cannot give the torque",
+    title="Muscles that cannot produce the torque",
     gravity="changes results",
     size="up to {size} N m are missing",
     effect="Activations of those frames are no solution.",

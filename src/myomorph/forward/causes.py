@@ -6,9 +6,9 @@ from myomorph.core.model.messages import Cause
 
 ENERGY = Cause(
     key="energy",
-    title="Energy without a cause",
+    title="Energy error",
     gravity="changes results",
-    effect="The motion gains or loses energy that no force explains.",
+    effect="The motion gains or loses energy without a force.",
     remedy="Lower --tolerance, and compare with --certify.",
 )
 RANGES = Cause(
@@ -20,9 +20,9 @@ RANGES = Cause(
 )
 LEFT_OUT = Cause(
     key="left_out",
-    title="Parts of the model without a part in the simulation",
+    title="Parts of the model that the simulation ignores",
     gravity="may change results",
-    effect="The body moves as if they were not there.",
+    effect="The body moves without them.",
     remedy="Compare with a model without them.",
 )
 FLOOR = Cause(

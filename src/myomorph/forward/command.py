@@ -223,7 +223,7 @@ def _say(runs: Sequence[_Done], inputs: SimulationInputs, out: Path) -> None:
         seconds = float(done.time[-1] - done.time[0])
         name = f"{run.page.shown.name}: " if len(runs) > 1 else ""
         said(
-            f"{name}{seconds:g} s in {done.counts.steps} steps; energy without a cause"
+            f"{name}{seconds:g} s in {done.counts.steps} steps; energy error"
             f" {100 * done.energy.largest_share:.2g} %"
         )
         for fact, text in run.page.facts[3:]:

@@ -81,7 +81,7 @@ class Drives:
         ]
         if len(given) > 1:
             raise BadData(
-                f"{given[0]} and {given[1]} are given: torques hold what muscles do, and"
+                f"{given[0]} and {given[1]} are given: torques contain the muscles, and"
                 " activations follow excitations, so give one of them"
             )
         known = (

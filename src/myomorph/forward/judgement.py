@@ -35,7 +35,7 @@ def _of_energy(simulation: Simulation) -> list[Message]:
     if not share <= MAX_SHARE:
         notes.append(
             ENERGY.message(
-                f"{100 * share:.2g} % of the energy exchanged has no cause: expected at most"
+                f"{100 * share:.2g} % of the energy exchanged is unexplained: expected at most"
                 f" {100 * MAX_SHARE:g} %; lower --tolerance"
             )
         )
@@ -77,4 +77,4 @@ def _of_parts(model: Model) -> list[Message]:
     if not kinds:
         return []
     named = ", ".join(f"{kind} ({counted(count, 'part')})" for kind, count in kinds.items())
-    return [LEFT_OUT.message(f"without a part in the simulation: {named}")]
+    return [LEFT_OUT.message(f"ignored by the simulation: {named}")]

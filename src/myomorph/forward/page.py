@@ -190,12 +190,12 @@ def _energy(runs: Sequence[PageRun]) -> Section:
             for run in runs
         ]
         rows.append((name.removeprefix(WORK), *cells))
-    head = ("What did work", *(f"{run.shown.name} [J]" for run in runs))
+    head = ("Sources of work", *(f"{run.shown.name} [J]" for run in runs))
     return Section(
         "energy",
         "Energy",
-        "Kinetic and potential energy change by the work of forces alone. The residual is what no"
-        " force explains: the error of the steps.",
+        "Kinetic and potential energy change by the work of forces alone. The residual is the error"
+        " of the integration.",
         legend=_legend(runs),
         figures=_charts(runs, names, columns, "J"),
         grids=(Grid(head=head, rows=tuple(rows), title="Work until the end"),),

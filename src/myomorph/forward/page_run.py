@@ -141,7 +141,7 @@ def _facts(simulation: Simulation) -> list[tuple[str, str]]:
         ("Steps", f"{counts.steps}, {counts.rejected} more rejected"),
         ("Tolerance of a step", f"{simulation.tolerance:g}"),
         (
-            "Energy without a cause",
+            "Energy error",
             f"{100 * simulation.energy.largest_share:.2g} % of"
             f" {simulation.energy.exchanged:.3g} J exchanged",
         ),

@@ -8,7 +8,7 @@ ENERGY = Quantity(
     name="energy",
     dims=("time", "energy_part"),
     unit="J",
-    meaning="energy of the body, work done on it since the start, and what neither explains",
+    meaning="energy of the body, work done on it since the start, and their residual",
     file="energy.sto",
     title="Energy and work [J]",
 )

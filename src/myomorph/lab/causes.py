@@ -6,9 +6,9 @@ from myomorph.core.model.messages import Cause
 
 SESSION = Cause(
     key="session",
-    title="Who, when or which movement that is not certain",
+    title="Person, date or movement that is not certain",
     gravity="may change results",
-    effect="Norms, sentences and pages are those of the movement and person that were taken.",
+    effect="Norms, sentences and pages are those of the movement and person that were assumed.",
     remedy="State them in the study file, or check names and files.",
     order=0,
 )
@@ -16,12 +16,12 @@ STRIDES = Cause(
     key="strides",
     title="Strides that were not found",
     gravity="may change results",
-    effect="Means over strides, and curves over the cycle, are without them.",
+    effect="Means over strides and curves over the cycle leave them out.",
     remedy="Give events in the recording, or the direction and speed of the ground.",
 )
 GROUPS = Cause(
     key="groups",
-    title="Comparisons that hold less than was asked for",
+    title="Comparisons with less data than requested",
     gravity="may change results",
     effect="Differences are described, or rest on fewer subjects.",
     remedy="Look at what was left out.",
@@ -35,15 +35,15 @@ DRAWS = Cause(
 )
 FILE_SHAPE = Cause(
     key="file_shape",
-    title="What looks wrong in a file",
+    title="Possible errors in a file",
     gravity="may change results",
-    effect="Steps that read it may fail or be wrong.",
+    effect="Steps that read it may fail or give wrong results.",
     remedy="Correct the file.",
     order=0,
 )
 CONVERSION = Cause(
     key="conversion",
-    title="What a converted file does not hold, or holds otherwise",
+    title="Differences between a converted file and its source",
     gravity="good to know",
     effect="As each says.",
 )

@@ -296,7 +296,7 @@ class LiveChain:
         if self._force_rate or not floating:
             return missed
         text = "is a residual, and torques are those of a body that nothing supports"
-        return (f"no external forces: what carries '{floating[0].child}' {text}", *missed)
+        return (f"no external forces: what supports '{floating[0].child}' {text}", *missed)
 
     def warm_up(self) -> None:
         """Compute everything once on the default pose.

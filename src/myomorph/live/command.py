@@ -151,8 +151,7 @@ def _settings_of(settings: Mapping[str, Any], uncertainty: Path | None) -> LiveS
     drawn = sizes | ({"draws": settings["draws"]} if settings.get("draws") else {})
     if sizes and not drawn.get("draws"):
         raise BadData(
-            f"--uncertainty {uncertainty} without --draws: say how many draws there are to be"
-            " (--draws 40)"
+            f"--uncertainty {uncertainty} without --draws: give the number of draws (--draws 40)"
         )
     return LiveSettings(
         chain=with_settings(ChainOptions(), settings),

@@ -182,12 +182,12 @@ class LiveLimits:
         notes = []
         if self.failed > 0.02 * self.tried:
             notes.append(
-                f"limits: {self.failed} of {self.tried} drawn frames have no solution: they are too"
-                " narrow"
+                f"limits: {self.failed} of {self.tried} drawn frames have no solution: limits are"
+                " too narrow"
             )
         if self.missed:
             notes.append(
-                f"limits: none were ready in time for {self.missed} frames: take fewer --draws"
+                f"limits: none were ready in time for {self.missed} frames: use fewer --draws"
             )
         return tuple(notes)
 

@@ -292,7 +292,7 @@ def follow(
     if interrupted and not len(delays):
         raise KeyboardInterrupt
     if not len(delays):
-        raise BadData("no frame came")
+        raise BadData("no frame arrived")
     return LiveSession(
         delays=delays,
         filter_delay=steps.filter_delay,

@@ -235,7 +235,7 @@ def recover_session(folder: Path) -> LiveSession:
     made = Provenance.from_json(head.provenance)
     source = next(source for source in made.sources if source.role == "model")
     if file_source("model", head.model).sha256 != source.sha256:
-        hint = "put the model of the session back in its place"
+        hint = "restore the model of the session"
         raise BadFile(head.model, f"was changed since the session in '{folder}'", hint)
     model = reading.open_model(Path(head.model))
     parts = head.parts
@@ -243,7 +243,7 @@ def recover_session(folder: Path) -> LiveSession:
     delays = Delays.of_table(rows[:, parts["delays"]], dropped=lost)
     times = rows[:, parts["delays"].start]
     times = times[np.isfinite(times)]
-    notes = [*head.notes, f"the session did not end by itself: recovered of its {LOG}"]
+    notes = [*head.notes, f"the session did not end by itself: recovered from its {LOG}"]
     if stored.damaged:
         notes.append(f"rows of the {LOG} that are damaged or cut off, left out: {stored.damaged}")
     session = LiveSession(

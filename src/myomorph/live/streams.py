@@ -274,7 +274,7 @@ class _Stream:
         except RuntimeError as error:
             cause = str(error) or type(error).__name__
             raise BadData(
-                f"stream '{name}' is announced but does not answer ({cause}): restart its sender"
+                f"stream '{name}' is announced but does not respond ({cause}): restart its sender"
             ) from None
         self.name = name
         self.rate = float(info.nominal_srate())
@@ -315,7 +315,7 @@ class _Stream:
         if span > 1.0 and abs((self._count - 1) / span / self.rate - 1.0) > RATE_ERROR:
             rates = f"{self.rate:g} samples a second, but sends {(self._count - 1) / span:.4g}"
             raise BadData(
-                f"stream '{self.name}' says {rates}: correct the rate that its sender names"
+                f"stream '{self.name}' states {rates}: correct the rate that its sender names"
             )
         return frozen_array(np.array(times, dtype=np.float64)), np.array(samples, dtype=np.float64)
 

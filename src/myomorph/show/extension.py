@@ -12,9 +12,7 @@ EXTENSION = Extension(
     commands={
         "demo": CommandEntry(
             function="myomorph.show.command:demo_command",
-            help=(
-                "The main job on data that come with the installation, from markers to a report."
-            ),
+            help=("The main job on bundled data, from markers to a report."),
             example="myomorph demo --out demo",
             panel="Main job",
         ),

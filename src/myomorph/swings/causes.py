@@ -6,7 +6,7 @@ from myomorph.core.model.messages import Cause
 
 SWINGS = Cause(
     key="swings",
-    title="Swings that show too little",
+    title="Swings with too little information",
     gravity="changes results",
     effect="Viscosity, or that of an axis, has a wide interval.",
     remedy="Release the limb from farther out, about every axis, and more often.",
@@ -20,7 +20,7 @@ PLATE = Cause(
 )
 LIMB = Cause(
     key="limb",
-    title="A limb that does not explain the wrench",
+    title="Identified limb that does not explain the wrench",
     gravity="changes results",
     effect="Neither inertia nor viscosity can be trusted.",
     remedy="Swing it about every axis, and check the joint's center.",

@@ -182,7 +182,8 @@ def usable_placements(placements: Sequence[Placement]) -> Usable:
     if spread < MIN_SPREAD and not any(item.pushed for item in kept):
         raise BadData(
             f"all {len(kept)} placements lie within {1e3 * spread:.0f} mm of their middle: the"
-            " plate's turn about the vertical is not shown; place the weight near every corner"
+            " plate's rotation about the vertical is not determined; place the weight near every"
+            " corner"
         )
     return Usable(placements=kept, notes=notes)
 
@@ -264,7 +265,7 @@ def unknown_notes(pose: PlatePose, kept: Sequence[Placement], known: bool) -> li
             if moves
             else ""
         )
-        notes.append(f"{what} of the plate is not shown by these placements: {stays}{hint}")
+        notes.append(f"{what} of the plate is not determined by these placements: {stays}{hint}")
     return notes
 
 
@@ -303,8 +304,8 @@ def outlier_notes(kept: Sequence[Placement], misfits: Misfits, left_out: Misfits
     if distance < max(MAX_OUTLIER_RATIO * usual, MIN_OUTLIER):
         return []
     return [
-        f"placement '{kept[worst].name}' lies {1e3 * distance:.1f} mm off what the others"
-        f" say (they agree within {1e3 * usual:.1f} mm): was a marker moved or mislabelled?"
+        f"placement '{kept[worst].name}' lies {1e3 * distance:.1f} mm off the others (they agree"
+        f" within {1e3 * usual:.1f} mm): was a marker moved or mislabelled?"
     ]
 
 

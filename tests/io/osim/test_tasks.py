@@ -137,7 +137,7 @@ def test_files_without_tasks_or_of_other_tools(data, tmp_path):
     with pytest.raises(BadFile, match="has no IKTaskSet"):
         read_ik_tasks(data("rajagopal-walk-emg/grf_walk.xml"))
     with pytest.raises(
-        BadFile, match="holds <CMCTool>, a tool that is not built; the tools that exist are"
+        BadFile, match="holds <CMCTool>, a tool that is not supported; the tools that exist are"
     ):
         read_setup(data("opensim-reference-small/cmc_arm26_Setup_CMC.xml"))
     path = tmp_path / "tasks.xml"

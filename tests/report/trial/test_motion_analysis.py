@@ -137,7 +137,7 @@ def test_muscles_that_a_model_lacks_are_named() -> None:
     assert "Tibialis anterior" in lacking
     assert len(found) + len(lacking) == 8
     section = analysis_sections(prepare(having(everything(60), preset="taichi")))[0]
-    assert "The model lacks: Deltoid, anterior;" in section.lead
+    assert "Missing in the model: Deltoid, anterior;" in section.lead
 
 
 def test_a_user_chooses_muscles_by_the_names_of_the_report_or_of_the_model() -> None:
@@ -151,7 +151,7 @@ def test_a_user_chooses_muscles_by_the_names_of_the_report_or_of_the_model() -> 
     assert lacking == ("psoas",)
     choice = AnalysisChoice("taichi", muscles=("glmax2", "psoas"))
     section = analysis_sections(prepare(replace(everything(60), analysis=choice)))[0]
-    assert "The model lacks: psoas." in section.lead
+    assert "Missing in the model: psoas." in section.lead
 
 
 def test_presets_make_pages_of_well_formed_drawings() -> None:

@@ -85,7 +85,7 @@ def test_numbers_units_places_and_verdicts(found):
         " generic 7.00 N m)" in text
     )
     assert "worst second_angle 2.5 N m" in text
-    assert "of 2 parameters 1 identifiable, 0 partly, 1 as assumed before" in text
+    assert "of 2 parameters 1 identifiable, 0 partly, 1 as in the prior" in text
     assert "(muscle_0 tendon slack length)" in text
     assert (
         "fibers work from 0.45 (muscle_0) to 1.20 optimal lengths (muscle_0): 1 muscles outside 0.5"

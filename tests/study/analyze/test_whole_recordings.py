@@ -44,5 +44,5 @@ def test_markers_without_a_protocol_stop_with_one_line(data, tmp_path, capsys) -
     assert main(["analyze", str(path), "--mass", "70", "--out", str(tmp_path / "out")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    for word in ("those of an arm", "none known on upper_arm", "--protocol", "--model"):
+    for word in ("those of an arm", "no known label on upper_arm", "--protocol", "--model"):
         assert word in said

@@ -142,7 +142,7 @@ def test_readers_say_that_a_result_is_damaged(finished, tmp_path):
     assert seal_of(path) is Seal.WHOLE
     flip(path, 0.4)
     assert seal_of(path) is Seal.DAMAGED
-    with pytest.raises(BadFile, match="does not fit the digest"):
+    with pytest.raises(BadFile, match="does not match its digest"):
         read_result(path)
 
 

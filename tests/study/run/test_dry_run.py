@@ -120,7 +120,7 @@ def test_what_cannot_be_opened_is_told(arm, study):
     (arm.folder / "again.trc").write_text("no recording")
     found = looked_at(study, arm.out)
     assert any("again.trc" in problem for problem in found.problems)
-    assert "cannot be looked at:" in "\n".join(dry_run_lines(found))
+    assert "cannot be checked:" in "\n".join(dry_run_lines(found))
 
 
 def test_a_time_that_no_frame_has_is_told_before_the_first_run(arm, study):

@@ -136,7 +136,7 @@ def test_how_many_workers():
     for count in (0, -1):
         with pytest.raises(BadData, match="expected 1 or more"):
             local_workers(count, jobs=5)
-    with pytest.raises(BadData, match="less holds no model"):
+    with pytest.raises(BadData, match="less does not hold a model"):
         local_workers(1, memory=1000)
 
 

@@ -85,7 +85,7 @@ def test_models_in_a_circle_are_refused(study):
     study.write_text(text, encoding="utf-8")
     with pytest.raises(
         BadFile,
-        match="subjects wait for each other's models: 's01' waits for 's02' waits for 's01'",
+        match="subjects need each other's models: 's01' waits for 's02' waits for 's01'",
     ):
         read_plan(study)
 

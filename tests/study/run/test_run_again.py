@@ -193,7 +193,7 @@ def test_the_report_shows_the_muscles_of_the_study_file(arm):
     path.write_text(path.read_text() + 'muscles = ["flexor", "Psoas"]\n')
     (outcome,) = run_study(read_plan(path), arm.out)
     assert [step for step, _ in outcome.timed] == ["report"]
-    assert "The model lacks: Psoas." in (arm.out / "s01" / "reach0" / "report.html").read_text(
+    assert "Missing in the model: Psoas." in (arm.out / "s01" / "reach0" / "report.html").read_text(
         encoding="utf-8"
     )
 

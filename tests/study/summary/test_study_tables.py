@@ -350,7 +350,7 @@ def test_angles_that_models_count_the_other_way_round_are_noted():
     assert search.notes() == []
     search.add("s3", angle("knee_angle_r", -68.0, 1.0))
     assert search.notes()[0].startswith(
-        "knee_angle_r: above zero in s1, s2, below it in s3: where their models"
+        "knee_angle_r: above zero in s1, s2, below it in s3: if their models"
     )
 
 

@@ -101,8 +101,8 @@ def test_a_mouse_whose_forepaws_nobody_measured_is_refused_by_name(tmp_path, dat
     plan = study(tmp_path, data, ["ik", "id", "tension"], "[options.ik]\npasses_only = true")
     outcome = run_study(plan, tmp_path / "out")[0]
     assert outcome.done == ("ik", "id")
-    assert "do not carry the body of 0.02" in outcome.error
-    assert "come from nowhere at 'Pelvis'" in outcome.error
+    assert "do not support the body of 0.02" in outcome.error
+    assert "would be unexplained at 'Pelvis'" in outcome.error
     assert "--contacts none" in outcome.error
 
 
@@ -145,7 +145,7 @@ def test_two_markers_cannot_have_one_name():
         markers=Markers(np.zeros(1), ("LEFT_HIP", "LeftHIP"), np.zeros((1, 2, 3))),
         source="mouse.c3d",
     )
-    with pytest.raises(BadData, match="'LEFT_HIP' and 'LeftHIP' would both be called 'Left_Hip'"):
+    with pytest.raises(BadData, match="'LEFT_HIP' and 'LeftHIP' would both be named 'Left_Hip'"):
         with_labels(trial, GAIT_LABELS)
     assert with_labels(trial, {"Nose": "Head", "LeftHIP": "hip"}).markers.names == (
         "LEFT_HIP",

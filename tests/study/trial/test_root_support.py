@@ -110,7 +110,7 @@ def test_a_body_that_nothing_can_carry_is_refused_by_name(walk, tmp_path, comman
     assert done.status == 2
     (line,) = [line for line in done.err.splitlines() if line.startswith("error")]
     for part in (
-        "do not carry the body of 70 kg: 81 % of the weight of 687 N on the median",
+        "do not support the body of 70 kg: 81 % of the weight of 687 N on the median",
         "more than 10 % in 201 of 201 frames (from 1.00 to 3.00 s)",
         "--contacts FILE.toml",
         "--time START END",

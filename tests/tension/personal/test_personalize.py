@@ -132,7 +132,7 @@ def test_a_muscle_without_information_keeps_its_prior(arm26, someone):
     of_lengths = [one for one in quiet.estimates if one.parameter in (FIBER, SLACK)]
     assert sum(one.identifiable == "yes" for one in of_lengths) == 0
     assert any("no EMG" in note for note in quiet.notes)
-    assert "say little or nothing of 100 % of the lengths" in quiet.notes[0]
+    assert "hardly determine 100 % of the lengths" in quiet.notes[0]
     assert "of 6 tendon slack lengths they identify 0" in quiet.notes[0]
 
 

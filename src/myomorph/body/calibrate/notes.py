@@ -42,7 +42,7 @@ def search_notes(search: Search) -> Iterator[Message]:
         )
     if not search.noise_found:
         yield CALIBRATION.message(
-            f"so few frames do not show the noise: taken as {1e3 * search.stage.noise:g} mm",
+            f"too few frames to determine the noise: assumed to be {1e3 * search.stage.noise:g} mm",
             gravity="good to know",
         )
     if not found.converged:
@@ -74,7 +74,8 @@ def length_notes(lengths: Sequence[LengthEstimate]) -> Iterator[Message]:
     if hidden:
         yield (
             CALIBRATION.message(
-                f"the recordings do not show {', '.join(hidden)}: they follow the overall size and"
+                f"the recordings do not determine {', '.join(hidden)}: they follow the overall size"
+                " and"
                 " their neighbors"
             )
         )
@@ -164,7 +165,7 @@ def few_marker_notes(model: Model, recorded: RecordedMarkers) -> Iterator[Messag
     text = f"segments that fewer than {MIN_MARKERS} markers show: {titles}"
     missing = [name for segment in segments for name in segment.missing]
     if missing:
-        text += f"; the model also has {', '.join(missing)} there, which no recording shows"
+        text += f"; the model also has {', '.join(missing)} there, which are in no recording"
         names = {name for recording in recorded.recordings for name in recording.names}
         unknown = sorted(names - set(model.marker_names))
         if unknown:

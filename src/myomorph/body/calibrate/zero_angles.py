@@ -212,7 +212,7 @@ def zero_notes(zeros: tuple[ZeroAngle, ...], static: bool) -> tuple[Message, ...
     cure = "" if static else "; a static trial (--static) with known angles fixes them"
     return (
         CALIBRATION.message(
-            f"zero angles known to no better than {np.degrees(WIDE):g}°: {named} ({cause}{cure})"
+            f"zero angles with intervals above {np.degrees(WIDE):g}°: {named} ({cause}{cure})"
         ),
     )
 
@@ -266,12 +266,13 @@ def far_zeros(
     repaired = alone and bool(at_least[far[0]] > REFUTED)
     named = ", ".join(f"{zero.coordinate} {np.degrees(zero.offset):.0f}°" for zero in far)
     cure = "" if standing else " (--static shows them)"
-    then = f"their angles may be off by as much{cure}"
+    then = f"their angles may have an error of that size{cure}"
     if repaired:
         then = "calibrated on the static trial alone"
     text = CALIBRATION.message(
-        f"zero angles are far from the generic model's ({named}), for the motion rotates bones as"
-        f" the model's joints cannot (a foot that bends, a shank that twists): {then}",
+        f"zero angles are far from the generic model's ({named}), because the motion rotates bones"
+        " in ways that the model's joints do not allow (a foot that bends, a shank that twists):"
+        f" {then}",
         gravity="changes results",
     )
     return (Finding("far zero angles", far[0].coordinate, text, repaired=repaired),)

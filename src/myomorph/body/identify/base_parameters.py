@@ -172,8 +172,8 @@ def base_parameters(
     columns = np.setdiff1d(np.arange(size), whole.dependent)
     if not len(columns):
         raise BadModel(
-            f"no motion of model '{model.name}' shows any inertial parameter: is gravity zero, is"
-            " all held?"
+            f"no motion of model '{model.name}' determines any inertial parameter: is gravity zero,"
+            " or is every coordinate locked?"
         )
     combination = np.zeros((len(columns), size))
     combination[np.arange(len(columns)), columns] = 1.0
@@ -265,7 +265,8 @@ def held_in(model: Model, motions: Sequence[Motion], fixed: bool = False) -> dic
         reach = np.ptp(seen) if len(seen) else 0.0
         if name in roots and reach > 1e-6:
             raise BadData(
-                f"the base is given as fixed, but '{name}' moves by {reach:.3g}: identify it as a"
+                f"the base is specified as fixed, but '{name}' moves by {reach:.3g}: identify it as"
+                " a"
                 " free one"
             )
         if len(seen) and reach < 1e-6:

@@ -347,7 +347,8 @@ def _refuse_no_body(reference: Array, moved: np.ndarray) -> None:
     if len(least) and least.min() < 1e-9:
         worst = moved[int(least.argmin())]
         raise BadData(
-            f"the reference of link {worst} is of no body: its pseudo-inertia is not positive"
+            f"the reference of link {worst} is not physically possible: its pseudo-inertia is not"
+            " positive"
             " definite; give it an inertia that a body of its mass can have, or pass it"
             " through `possible_reference`"
         )

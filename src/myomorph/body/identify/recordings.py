@@ -29,11 +29,11 @@ from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.regressor import base_wrench, regressor_blocks
 from myomorph.core.rigid.tree import compile_tree
 
-NO_MOTION = "no motion: markers unseen"
+NO_MOTION = "no motion: markers hidden"
 OUTSIDE = "outside the time of the forces"
 NO_FORCE = "a force is missing"
 EDGE = "edge of the filter"
-UNMEASURED = "a contact that no plate measures, as one leg off the plates"
+UNMEASURED = "a contact that no plate measures, such as one leg off the plates"
 WINDOW = 0.2  # Time over which force must be missing to count as a contact beside the plates [s]
 MISSING_WEIGHT = 0.15  # Share of the body's weight that must be missing
 UNLOADED = 20.0  # Force under which a center of pressure may be unknown [N]
@@ -435,7 +435,7 @@ def check_excited(
     turn = max(_largest_turn(model, recording.recording) for recording in recordings)
     if turn < MIN_ROTATION:
         raise BadData(
-            f"the motion excites nothing: no body turns more than {np.degrees(turn):.1f} degrees"
+            f"the motion is not exciting: no body turns more than {np.degrees(turn):.1f} degrees"
             f" against the '{model.body_names[0]}' in {seconds:.2g} s; masses show only while limbs"
             " and trunk move"
         )
@@ -474,7 +474,7 @@ def _up(model: Model, wrench: Array) -> Array:
     """
     size = float(np.linalg.norm(model.gravity))
     if size == 0.0:
-        raise BadData(f"model '{model.name}' has no gravity, so forces cannot show its weight")
+        raise BadData(f"model '{model.name}' has no gravity, so forces do not determine its mass")
     return -(wrench[:, 3:] @ np.asarray(model.gravity)) / size
 
 
@@ -572,8 +572,8 @@ def _refuse_tared(name: str, needed: Array, measured: Array, weight: float) -> N
         return
     raise BadData(
         f"{name}: the plates measure {measured.mean():.0f} N on average where the body needs"
-        f" {needed.mean():.0f}: they were set to zero (tared) with the load on them, or nothing"
-        " stands on them; record again with empty plates at the start, or add the missing weight"
+        f" {needed.mean():.0f}: they were set to zero (tared) with the load on them, or the subject"
+        " is not on them; record again with empty plates at the start, or add the missing weight"
         " to the forces"
     )
 

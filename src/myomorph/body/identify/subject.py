@@ -759,7 +759,7 @@ def _not_shown(equations: _Equations, options: IdentificationOptions) -> tuple[M
     evidence = equations.evidence
     if options.soft_tissue != "always" or evidence is None or evidence.shown:
         return ()
-    return (MASSES.message(f'{evidence.sentence}; taken all the same, soft_tissue = "always"'),)
+    return (MASSES.message(f'{evidence.sentence}; used because soft_tissue = "always"'),)
 
 
 def _not_converged(solved: Mapping[str, MassPointFit | PseudoInertiaFit]) -> list[Message]:
@@ -910,7 +910,7 @@ def _verdict(unseen: Verdict, taken: bool) -> tuple[Message, ...]:
         return (
             HELD_OUT.message(
                 "the recording is too short to hold parts of it out: whether the masses predict"
-                " anything is unknown"
+                " held-out motion is unknown"
             ),
         )
     where = f"on {unseen.what}: {unseen.numbers}"
@@ -918,8 +918,8 @@ def _verdict(unseen: Verdict, taken: bool) -> tuple[Message, ...]:
     if unseen.worse and taken:
         return (
             HELD_OUT.message(
-                f"identified masses predict no better than the generic model {where}; {cause};"
-                " taken all the same"
+                f"identified masses predict no better than the generic model {where}; {cause}; used"
+                " because of if_worse"
             ),
         )
     if unseen.worse:
@@ -1024,7 +1024,8 @@ def _far_from_shape(
     return (
         (
             MASSES.message(
-                f"{len(far)} of {len(names)} links weigh far from what their shape says: {listed};"
+                f"{len(far)} of {len(names)} links have masses far from those of their shape:"
+                f" {listed};"
                 " faults of the motion that return with every step may be in them: record the"
                 f" movements named, or hold masses with a mass_sd below {mass_sd:g}"
             )

@@ -71,8 +71,8 @@ class TissueEvidence:
     def sentence(self) -> str:
         """What forces show, in words."""
         if not np.isfinite(self.size):
-            return "soft tissue: not shown, too little was recorded"
-        word = "shown" if self.shown else "not shown"
+            return "soft tissue: not identifiable, the recording is too short"
+        word = "identifiable" if self.shown else "not identifiable"
         return (
             f"soft tissue: {word}; measured forces have {self.size:.2g} of the usual one, and noise"
             f" of the motion alone would give 0 +- {self.sd:.2g}"

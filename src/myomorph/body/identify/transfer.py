@@ -404,7 +404,7 @@ def common_region(region: Region, common: set[Region]) -> Region:
     while above is not None and above not in common:
         above = above.parent
     if above is None:
-        raise BadData(f"the {region} has no mass in one of the models, and nothing it hangs on has")
+        raise BadData(f"the {region} has no mass in one of the models, and no body above it has")
     return above
 
 

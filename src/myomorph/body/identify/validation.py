@@ -224,7 +224,7 @@ class Consistency:
         named = "; ".join(f"'{link.name}': {', '.join(link.faults)}" for link in self.faulty[:3])
         more = f"; and {len(self.faulty) - 3} more" if len(self.faulty) > 3 else ""
         return (
-            f"{len(self.faulty)} of {len(self.links)} links are not those of a body:"
+            f"{len(self.faulty)} of {len(self.links)} links are not physically possible:"
             f" {named}{more}{rest}"
         )
 

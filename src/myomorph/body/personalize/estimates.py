@@ -332,7 +332,7 @@ def known_by_prior(estimates: Sequence[MuscleEstimate]) -> Message:
         f" {those.count('partly')} partly"
         for name, those in levels.items()
     )
-    before = f"{share:.0f} % of the lengths, which are what was assumed before"
+    before = f"{share:.0f} % of the lengths, which follow the prior"
     return PERSONAL_MUSCLES.message(
-        f"the recordings say little or nothing of {before}: {what}", gravity="good to know"
+        f"the recordings hardly determine {before}: {what}", gravity="good to know"
     )

@@ -161,9 +161,9 @@ def personalize(
         )
     if impossible := impossible_fibers(model.muscles):
         raise BadModel(
-            f"{len(impossible)} muscles have no fibers that could be ({quoted(impossible, 3)}:"
+            f"{len(impossible)} muscles have impossible fibers ({quoted(impossible, 3)}:"
             " longer than the muscle, or a tendon shorter than 0), so there is nothing to"
-            " personalize: take a model whose fibers were measured"
+            " personalize: use a model whose fibers were measured"
         )
     mapped = None if generic is None else map_generic(generic, model)
     if not trials:
@@ -312,27 +312,28 @@ def _notes(result: _Result, options: PersonalizeOptions) -> list[Message]:
         more = " ..." if len(bounds) > MAX_SHOWN else ""
         shown = ", ".join(bounds[:MAX_SHOWN])
         notes.append(
-            PERSONAL_MUSCLES.message(f"{len(bounds)} parameters stand at a bound: {shown}{more}")
+            PERSONAL_MUSCLES.message(f"{len(bounds)} parameters are at a bound: {shown}{more}")
         )
     search = result.fitted.solution.search
     if search.change > STILL_MOVING:
         notes.append(
             SEARCH.message(
-                f"the fit was still moving after {search.steps + 1} steps, by {search.change:.2f}"
+                f"the fit had not converged after {search.steps + 1} steps, by {search.change:.2f}"
                 " standard deviations"
             )
         )
     if not any(np.isfinite(window.emg).any() for window in result.seen):
         notes.append(
             PERSONAL_MUSCLES.message(
-                "no EMG: torques alone show little of single muscles, see the column 'identifiable'"
+                "no EMG: torques alone determine little of single muscles, see the column"
+                " 'identifiable'"
             )
         )
     if checked is None and options.hold_out:
         notes.append(
             HELD_OUT.message(
-                "the recordings are too short to hold out a part: nothing shows that the muscles"
-                " fit another motion"
+                "the recordings are too short to hold out a part: whether the muscles fit another"
+                " motion is unknown"
             )
         )
     return notes

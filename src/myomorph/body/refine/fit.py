@@ -131,10 +131,14 @@ def refine(  # page: called as `calibrate`, with the mass that plates weigh
     check_fit(options)
     if model.loops:
         raise BadModel(
-            model.source or model.name, "bodies tied in loops cannot be refined; remove the loops"
+            model.source or model.name,
+            "models with closed loops cannot be refined; remove the loops",
         )
     if len(floating_coordinates(model)) < 6:
-        free = "its base does not move freely in the ground, so that plates say nothing of its root"
+        free = (
+            "its base does not move freely in the ground, so that plates do not determine the"
+            " forces at its root"
+        )
         raise BadModel(model.source or model.name, free)
     if not trials:
         raise BadData("refine needs at least one recording with markers and forces")

@@ -85,7 +85,7 @@ def markers_left(trials: Sequence[RefinedTrial]) -> Iterator[Message]:
             causes.MASSES.message(
                 f"forces pull {len(left)} of {len(trials)} refined motions away from their markers:"
                 f" {listed}; check whether the subject's mass, the plates' zeros and clock are"
-                " right, and what else touched the body"
+                " right, and whether anything else touched the body"
             )
         )
 
@@ -179,7 +179,7 @@ def far_from_given(problem: Problem, at: Point) -> Iterator[Message]:
     how = f" that swings {', '.join(map(repr, swung))} fast and far" if swung else ""
     yield (
         causes.MASSES.message(
-            f"{len(far)} of {len(names)} links have a mass that is hard to believe: {listed}; add a"
+            f"{len(far)} of {len(names)} links have an implausible mass: {listed}; add a"
             f" recording{how} with nothing but plates to touch (a chair, a rail or a hand carries a"
             " part of the body), or keep the given masses (--fit lengths markers)"
         )
@@ -214,7 +214,7 @@ def clock_notes(clocks: Sequence[ClockOffset]) -> Iterator[Message]:
             yield (
                 CLOCKS.message(
                     f"{clock.recording}: its forces are {1e3 * clock.offset.value:.0f} ms off or"
-                    " more, the most that is looked for: move them by --force-shift first"
+                    " more, the end of the search range: move them by --force-shift first"
                 )
             )
         elif not clock.shown:
@@ -222,7 +222,8 @@ def clock_notes(clocks: Sequence[ClockOffset]) -> Iterator[Message]:
             high = 1e3 * clock.offset.high
             yield (
                 CLOCKS.message(
-                    f"{clock.recording}: the clock of its forces is not shown, it may be {low:.0f}"
+                    f"{clock.recording}: the clock of its forces is not determined, it may be"
+                    f" {low:.0f}"
                     f" to {high:.0f} ms off; record a jump or a fast step, whose forces change"
                     " quickly"
                 )

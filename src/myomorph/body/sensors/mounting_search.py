@@ -379,8 +379,8 @@ class MountingSearch:
             spread = np.degrees(np.ptp(guess.headings))
             notes = (
                 SENSORS.message(
-                    f"headings of the sensors are up to {spread:.0f}° apart, as without"
-                    " magnetometer: each sensor's is found by the markers",
+                    f"headings of the sensors are up to {spread:.0f}° apart, as without a"
+                    " magnetometer: each is found from the markers",
                     gravity="good to know",
                 ),
             )
@@ -405,7 +405,7 @@ class MountingSearch:
         pose = fit.pose
         if pose is None:
             raise BadData(
-                f"{sensors.source or 'sensors'}: nothing says how they are mounted: record the"
+                f"{sensors.source or 'sensors'}: their mounting is unknown: record the"
                 " calibration pose (--imu-pose FILE, or --imu-pose-time START END), markers, or"
                 " use a model with a frame of each sensor's name (--imu-mounting model)"
             )
@@ -535,7 +535,7 @@ class MountingSearch:
             text = CLOCKS.message(
                 f"sensors and markers do not rotate alike at any delay within {MAX_DELAY:g} s"
                 f" (correlation {likeness:.2f}): are they of one trial, and on the bodies that"
-                " they name? Clocks are taken as one"
+                " they name? Their clocks are assumed to agree"
             )
             return _Delay(0.0, (text,))
         if abs(delay) <= 1.0 / first_guess.RATE:
@@ -660,7 +660,7 @@ def _of_mounting(
             if angle > (SLIPPED if index in slipped else STANDS_OTHERWISE):
                 yield (
                     SENSORS.message(
-                        f"sensor '{name}' is turned by {np.degrees(angle):.0f}° on its body against"
+                        f"sensor '{name}' is rotated by {np.degrees(angle):.0f}° on its body from"
                         " the calibration pose: the recording's own mounting is used"
                     )
                 )

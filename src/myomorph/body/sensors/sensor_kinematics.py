@@ -214,7 +214,7 @@ def _lost(
         notes.append(
             UNSEEN.message(f"no sensor determines {few(names)}: they stay near their defaults")
         )
-    how = "filled by how they went with the others before"
+    how = "filled from how they moved with the others before"
     if likely is None:
         how = "not determined there"
     for index, name in enumerate(mounting.sensors):

@@ -393,8 +393,8 @@ def _without_one(without: Sequence[WholeSolution], labelled: WholeSolution) -> _
     if near:
         names = [name for one in (best, *near) for name in one.arrangement.left_out]
         text = (
-            f"sensors {few(names)} do not agree, and the recording does not show which of them is"
-            " wrong: angles beside them are wrong. Leave one out (--imu-bodies SENSOR=-)"
+            f"sensors {few(names)} do not agree, and the recording does not determine which of them"
+            " is wrong: angles beside them are wrong. Leave one out (--imu-bodies SENSOR=-)"
         )
         return _OtherReading(labelled, (_message(text, [best, *near], labelled),))
     removed = best.arrangement.left_out

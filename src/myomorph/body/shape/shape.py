@@ -190,8 +190,8 @@ def _out_of_reach(measured: Mapping[str, float], reached: Mapping[str, float]) -
         if seen.factor * abs(reached[name] - value) > seen.difference:
             lines.append(
                 SKIN.message(
-                    f"{name} {seen.text(value)} is out of reach of the statistical shape with"
-                    f" the other measurements: it has {seen.text(reached[name])}"
+                    f"{name} {seen.text(value)} is not possible in the statistical shape with the"
+                    f" other measurements: it has {seen.text(reached[name])}"
                 )
             )
     return lines

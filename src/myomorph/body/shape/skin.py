@@ -204,10 +204,10 @@ def check_height(height: float) -> None:
     for unit, factor in UNITS:
         if 0.3 <= height / factor <= 2.6:
             raise BadData(
-                f"a height of {height:g} m is no body's: expected meters; {height:g} {unit} are "
+                f"a height of {height:g} m is implausible: expected meters; {height:g} {unit} are "
                 f"{height / factor:.4g} m"
             )
-    raise BadData(f"a height of {height:g} m is no body's: expected 0.3 to 2.6")
+    raise BadData(f"a height of {height:g} m is implausible: expected 0.3 to 2.6")
 
 
 def _check_units(vertices: Array, faces: np.ndarray, height: float | None) -> None:
@@ -287,7 +287,8 @@ def _one_body(vertices: Array, faces: np.ndarray, notes: list[Message]) -> np.nd
     if turned:
         notes.append(
             SKIN.message(
-                f"faces that looked inward were turned outward in {turned} of {len(pieces)} pieces",
+                f"faces that pointed inward were turned outward in {turned} of {len(pieces)}"
+                " pieces",
                 gravity="good to know",
             )
         )

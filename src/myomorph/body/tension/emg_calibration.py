@@ -144,7 +144,7 @@ def _check(
 ) -> None:
     """Refuse what cannot be calibrated; errors are those of `calibrate_emg`."""
     if not trials:
-        raise BadData("EMG is calibrated on trials: none was given")
+        raise BadData("EMG is calibrated on trials: give one or more")
     for trial in trials:
         mapped_muscles(trial.emg, channels, model)
         refuse_unfit(trial.emg, trial.motion.time, channels)

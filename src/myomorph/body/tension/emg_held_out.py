@@ -111,7 +111,7 @@ def swap_lines(names: tuple[str, ...], swaps: tuple[Swap, ...]) -> tuple[Message
         EMG.message(
             f"EMG channels '{names[swap.first]}' and '{names[swap.second]}' look exchanged: each"
             " follows the other's muscles (correlation with what joint torques ask of them"
-            f" {swap.other:.2f}, with their own {swap.own:.2f}); they take part under their names"
+            f" {swap.other:.2f}, with their own {swap.own:.2f}); they are used under their names"
         )
         for swap in swaps
     )
@@ -249,7 +249,9 @@ class HeldOut:
         unlike = [self._without(c, out) for c, out in self._with_twins() if len(out) < len(names)]
         known = np.array([row for row in (*table, *unlike) if np.isfinite(row[0])])
         if not len(known):
-            return _unchecked(emg_calibration, "no channel that is left out shows its muscles")
+            return _unchecked(
+                emg_calibration, "no channel that is left out is predicted by the others"
+            )
         changes = np.nan_to_num(known[:, 1:]) - known[:, :1]
         good = (changes.mean(axis=0) >= 0.0) & (changes.min(axis=0) >= -MARGIN * WORSE)
         best = int(np.argmax(good)) if good.any() else int(np.argmax(changes.mean(axis=0)))
@@ -365,7 +367,8 @@ class HeldOut:
             if np.isfinite(before) and not after >= before - WORSE
         ]
         text = (
-            f"EMG of the other channels misleads the muscles of {some_names(fallen)}: correlation"
+            f"EMG of the other channels contradicts the muscles of {some_names(fallen)}:"
+            " correlation"
             " with their own "
         )
         return (EMG.message(f"{text}EMG when left out, without EMG to with it"),) if fallen else ()

@@ -33,11 +33,11 @@ LONGEST = 0.150
 COARSE = 0.01
 FINE = 0.002  # Of the delays that are tried, and between them first and last [s]
 ROUNDS = 4  # Searches of delay and shape in turn, at most
-NO_DELAY = "no delay of all EMG channels shows in the torques: {delay:.3f} s taken"
+NO_DELAY = "the torques determine no delay of the EMG channels: {delay:.3f} s assumed"
 LATE = (
     "the delay of all EMG channels is {delay:g} s or more: EMG and motion may not be on one clock"
 )
-SILENT = "torques say little of the EMG gain of {channels}: a usual one is taken"
+SILENT = "torques hardly determine the EMG gain of {channels}: a usual one is used"
 
 
 class Course(NamedTuple):

@@ -145,7 +145,7 @@ class ContactWarnings:
             intervals.time,
             names,
             values.reshape(len(intervals), -1),
-            facts=FrozenMap({"name": "What the data leave open of contact forces"}),
+            facts=FrozenMap({"name": "Undetermined parts of contact forces"}),
         )
 
 
@@ -451,7 +451,7 @@ def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
     if not muscles:
         names = ", ".join(recorded.emg.names)
         note = EMG.message(
-            "EMG takes no part: no channel's name contains a muscle; name them in emg_muscles"
+            "EMG is not used: no channel's name contains a muscle; name them in emg_muscles"
             f" ({names})"
         )
         return EmgTargets(None, None, (note,))
@@ -462,9 +462,7 @@ def emg_targets_of(recorded: EmgRecording, inputs: TensionInputs) -> EmgTargets:
     missing = [name for name in muscles if name not in calibration.channels]
     notes: tuple[Message, ...] = ()
     if missing:
-        notes = (
-            EMG.message(f"EMG of {', '.join(missing)} takes no part: its gains were not found"),
-        )
+        notes = (EMG.message(f"EMG of {', '.join(missing)} is not used: its gains were not found"),)
     known = {name: muscle for name, muscle in muscles.items() if name in calibration.channels}
     target = emg_targets(
         recorded.emg, known or muscles, inputs.model, inputs.motion.time, options, calibration

@@ -62,8 +62,8 @@ def body_figure(morph: Morph) -> str:
     sizes = " and ".join(
         f"{whose} ({name}) {_length(scene.high - scene.low)}" for whose, name, scene in both
     )
-    scales = "one scale" if alike else "each at a scale of its own"
-    unit = f"{sizes} high; {scales}"
+    drawn = "one scale" if alike else "each at a scale of its own"
+    unit = f"{sizes} high; {drawn}"
     return picture_row(
         "Source and target",
         [picture for _, picture in order],

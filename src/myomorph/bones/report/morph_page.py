@@ -122,8 +122,8 @@ def _assumed(morph: Morph) -> list[Note]:
         if bodies:
             result.append(Note("assumed", f"{', '.join(bodies)}: {words}."))
     text = (
-        "The same muscles run the same way around the same bones in source and target; how a muscle"
-        " differs from the source's by more than its bones do is not seen."
+        "The same muscles run the same way around the same bones in source and target; differences"
+        " of a muscle from the source's beyond those of its bones are not modelled."
     )
     return [*result, Note("assumed", text)]
 
@@ -450,7 +450,7 @@ def path_section(morph: Morph, checks: MorphChecks) -> Section:
             "Paths below the surface of bones, largest increase first", True
         ),
         tables.point_rows(morph).grid(f"All {len(morph.points)} points", True),
-        tables.wrap_rows(checks).grid("Wrap objects, and how surely they lie", True),
+        tables.wrap_rows(checks).grid("Wrap objects and the certainty of their positions", True),
     )
     return Section(key="paths", title="Muscle paths", lead=lead, legend=(), figures=(), grids=grids)
 

@@ -112,7 +112,7 @@ def _fibers(morph: Morph) -> str:
 def _verdict(checks: MorphChecks) -> str:
     """How many warnings of which kind, and the worst."""
     if not checks.warnings:
-        return "checks: nothing is worse than in the source"
+        return "checks: no finding beyond those of the source"
     counts = Counter(warning.kind for warning in checks.warnings)
     words = {
         kind: single if counts[kind] == 1 else several

@@ -353,7 +353,7 @@ class OnlineFeet:
         feet = feet_of(model) if len(named) < len(bodies) else ()
         if len(named) < len(bodies) and not feet:
             raise BadData(
-                f"no body of model '{model.name}' is called a foot: give an external loads file"
+                f"no body of model '{model.name}' is named as a foot: give an external loads file"
                 " (.xml) that names the bodies on the plates"
             )
         self.bodies = tuple(dict.fromkeys([*named, *feet]))

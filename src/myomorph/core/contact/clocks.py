@@ -170,8 +170,8 @@ def camera_clock(seen: Sequence[float], known: Sequence[float], drift: float = 1
     error = float(np.abs(start + pace * a - b).max())
     if abs(pace - 1.0) > drift:
         raise BadData(
-            f"the camera's clock runs {pace:.4f} times as fast as the motion's: is its rate right,"
-            " or were events of different moments paired?"
+            f"the camera's clock runs {pace:.4f} times as fast as the motion's: check its rate, and"
+            " whether events of the same instants are paired"
         )
     return CameraClock(float(start), float(pace), error)
 

@@ -202,7 +202,7 @@ def check_directions(inspection: Inspection) -> Iterator[Finding]:
         lambda wrenches: reduce(
             lambda turned, number: changed_wrenches(turned, number, change), numbers, wrenches
         ),
-        "they were put right",
+        "they were corrected",
         "give them in the axes of the motion",
     )
     names = ", ".join(map(inspection.name, numbers))

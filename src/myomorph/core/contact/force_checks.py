@@ -446,7 +446,7 @@ def _not_judged(wrenches: Wrenches, motion: Motion) -> Finding:
         dict.fromkeys(finding.kind for finding in motion.findings if not finding.times)
     )
     text = PLATES.message(
-        f"the forces were neither judged nor put right by the motion, since the markers contradict"
+        f"the forces were neither judged nor corrected by the motion, since the markers contradict"
         f" a standing body ({kinds}): correct the markers first",
         gravity="changes results",
     )

@@ -107,7 +107,7 @@ def _torques_in_n_mm(inspection: Inspection, number: int) -> Iterator[Finding]:
         " force"
     )
     repair = change_repair(
-        number, _scaled(1.0, 1e-3), "it was taken as N mm", "is it in N mm? Give it in N m"
+        number, _scaled(1.0, 1e-3), "it was read as N mm", "is it in N mm? Give it in N m"
     )
     yield Finding("N mm for N m", name, text, repair=repair)
 
@@ -145,7 +145,7 @@ def _remedies(inspection: Inspection, number: int) -> list[Remedy]:
             Remedy(
                 kind="N mm for N m",
                 text=text,
-                done="its moments were taken as N mm",
+                done="its moments were read as N mm",
                 advice="are they N mm?",
                 change=_scaled(1.0, 1e-3),
             )

@@ -62,7 +62,8 @@ def find_holds(model: Model, motion: Motion, sites: Sequence[Site]) -> Contacts:
     """
     if len(motion) < 2:
         raise BadData(
-            f"a motion of {len(motion)} frames: when an object is held shows in how it moves"
+            f"a motion of {len(motion)} frames: an object that is held is recognized by its"
+            " movement, so give a longer one"
         )
     tree = compile_tree(model)
     poses = forward_kinematics(tree, tree.coordinates_of(motion))

@@ -186,7 +186,8 @@ def find_placements(
         intervals = _intervals(plate_time, loaded, markers, weight)
     if not intervals:
         raise BadData(
-            f"no placement of '{weight.name}' on plate '{recording.name}': it is never loaded long"
+            f"no valid placement of '{weight.name}' on plate '{recording.name}': it is never loaded"
+            " long"
             " enough"
         )
     recorded = PlateSamples(plate_time, force, moment)

@@ -209,7 +209,7 @@ def plate_wrench(plate: PlateRecording) -> tuple[Array, Array]:
         what = f" ({REFUSED[plate.kind]})" if plate.kind in REFUSED else ""
         raise BadData(
             f"force plate '{plate.name}' is of C3D type {plate.kind}{what}: types 1, 2, 3 and 4 are"
-            " built; export it as type 2 (forces and moments)"
+            " supported; export it as type 2 (forces and moments)"
         )
     if plate.kind == 3:
         return _sensor_wrench(plate, channels)

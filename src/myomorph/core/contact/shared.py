@@ -365,7 +365,7 @@ def misplaced_forces(
                 PLATES.message(
                     f"force '{name}' is put on '{body}', but its center of pressure lies"
                     f" {mean[nearest]:.2f} m from '{nearest}' and {mean[own]:.2f} m from '{own}':"
-                    " does it act on another foot?",
+                    " does it act on the other foot?",
                     place=name,
                 )
             )

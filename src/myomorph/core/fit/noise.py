@@ -94,7 +94,7 @@ class RecordingNoise:
             return "the noise of the recording is not known"
         middle = float(np.nanmedian(self.sd))
         alike = float(np.nanmedian(self.correlation_time))
-        return f"noise {middle:.3g} {self.unit} (median), alike over {alike:.2g} s"
+        return f"noise {middle:.3g} {self.unit} (median), correlated over {alike:.2g} s"
 
 
 def noise_of_residuals(

@@ -209,7 +209,9 @@ class Unknowns:
         mine = {block.name: block for block in self.blocks}
         for block in other.blocks:
             if mine.setdefault(block.name, block) != block:
-                raise BadData(f"unknowns '{block.name}' are declared in two ways")
+                raise BadData(
+                    f"unknowns '{block.name}' are declared twice, with different properties"
+                )
         return Unknowns(tuple(mine.values()))
 
     @cached_property

@@ -336,7 +336,7 @@ def _mark(row: _Row) -> _Mark:
     event = row.cells["event"]
     word = event.lower()
     if word not in (*TOUCH, *LEAVE):
-        raise row.bad(f": event '{event[:MAX_CHARACTERS]}'", "expected touch or leave")
+        raise row.bad(f": unknown event '{event[:MAX_CHARACTERS]}'", "expected touch or leave")
     return _Mark(
         row=row.number,
         time=row.time("time", "frame"),

@@ -98,13 +98,13 @@ def _data_file(loads: Node, name: str) -> Path:
     """
     folder = loads.document.path.parent
     if not name:
-        raise loads.bad("names no data file", "give the force table beside it")
+        raise loads.bad("names no data file", "put the force table beside it")
     path = folder / name.replace("\\", "/")
     beside = folder / path.name
     for choice in (path, beside):
         if is_named_file(choice):
             return choice
-    raise loads.bad(f"its data file '{name}' does not exist", "give the force table beside it")
+    raise loads.bad(f"its data file '{name}' does not exist", "put the force table beside it")
 
 
 def _entry(node: Node, data: Path) -> LoadEntry:

@@ -85,7 +85,7 @@ class Element:
         ValueError : it has none
         """
         if self.kind not in TYPES:
-            raise ValueError(f"type {self.kind} is none of numbers")
+            raise ValueError(f"type {self.kind} is not numeric")
         return np.frombuffer(self.content, self.order + TYPES[self.kind])
 
 

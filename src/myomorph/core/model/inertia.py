@@ -118,7 +118,7 @@ def made_up_inertias(bodies: Sequence[Body]) -> tuple[Message, ...]:
         (
             MODEL.message(
                 f"inertia of {names}: up to {moments[worst]:.3g} kg m^2 at {worst.mass:.3g} kg"
-                f" ('{worst.name}'), as of mass {away:.3g} m away: torques about them are of it;"
+                f" ('{worst.name}'), as of mass {away:.3g} m away: torques there depend on it;"
                 " correct it in the file",
                 gravity="may change results",
             )
@@ -351,8 +351,8 @@ def _checked_inertia(name: str, inertia: ArrayLike) -> Array:
     low, middle, high = np.linalg.eigvalsh(matrix)
     if low <= 0.0 or high > (low + middle) * (1.0 + 1e-9):
         raise BadData(
-            f"inertia of '{name}' with moments {low:.3g}, {middle:.3g}, {high:.3g} kg m^2 is none"
-            " of a body"
+            f"inertia of '{name}' with moments {low:.3g}, {middle:.3g}, {high:.3g} kg m^2 is not"
+            " that of a body"
         )
     return matrix
 

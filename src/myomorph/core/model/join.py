@@ -91,7 +91,7 @@ def join_models(parts: Mapping[str, Model], name: str = "") -> Model:
         if not np.allclose(model.gravity, first.gravity, rtol=0.0, atol=1e-3):
             raise BadModel(
                 f"gravity of '{part}' is {model.gravity.tolist()} m/s^2, that of"
-                f" '{next(iter(parts))}' {first.gravity.tolist()}: turn one of them into the"
+                f" '{next(iter(parts))}' {first.gravity.tolist()}: rotate one of them into the"
                 " other's ground"
             )
 

@@ -133,7 +133,9 @@ class Quantity:
         check_choices(self)
         for name in (self.name, *self.dims, *self.packed):
             if not NAME.fullmatch(name):
-                raise BadData(f"quantity '{self.name}': '{name}' is no name: expected a-z, 0-9, _")
+                raise BadData(
+                    f"quantity '{self.name}': '{name}' is not a valid name: expected a-z, 0-9, _"
+                )
         if len(set(self.dims)) != len(self.dims):
             raise BadData(f"quantity '{self.name}' has an axis twice: {', '.join(self.dims)}")
         if bool(self.unit) == (self.kind == "text"):
@@ -144,7 +146,9 @@ class Quantity:
         if not self.meaning or "\n" in self.meaning:
             raise BadData(f"quantity '{self.name}': expected its meaning in one line")
         if self.file and not FILE.fullmatch(self.file):
-            raise BadData(f"quantity '{self.name}': '{self.file}' is no name of a .sto, .mot, .csv")
+            raise BadData(
+                f"quantity '{self.name}': '{self.file}' is not a valid name of a .sto, .mot, .csv"
+            )
         if self.tidy is not None and not (self.over_time and len(self.dims) == 2):
             raise BadData(f"quantity '{self.name}': tables of values need one column a name")
 

@@ -81,7 +81,7 @@ COORDINATE_UNCERTAIN = Quantity(
     name="coordinate_uncertain",
     dims=("time",),
     unit="1",
-    meaning="1 at ends and beside long gaps, where accelerations are less sure",
+    meaning="1 at ends and beside long gaps, where accelerations are less certain",
     attribute="uncertain",
     kind="flag",
 )

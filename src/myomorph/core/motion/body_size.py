@@ -58,7 +58,7 @@ def overall_size(model: Model, names: Sequence[str], recordings: Sequence[Array]
             + (
                 f"are the numbers {guess}? Positions are expected in metres"
                 if guess
-                else "do they belong together?"
+                else "are they of the same person?"
             )
         )
     return size

@@ -302,7 +302,7 @@ def on_one_clock(
     if stop <= begin:
         raise BadData(
             f"'{end}' ends at {stop:g} s and '{start}' begins at {begin:g} s: no time in common; do"
-            " their clocks count from the same instant?"
+            " their clocks start at the same instant?"
         )
     fastest = max(names, key=lambda name: parts[name].rate)
     times = parts[fastest].time

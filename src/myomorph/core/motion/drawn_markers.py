@@ -65,12 +65,12 @@ def drawn_findings(
         count = int(drawn.sum())
         text = MARKERS.message(
             f"marker '{name}' {what} {times_text(spans)} ({count} frames) while others on"
-            f" '{bodies[name]}' move: it was hidden there, and its path was drawn",
+            f" '{bodies[name]}' move: it was hidden there, and its path was filled in",
             share=count / len(markers),
         )
         repair = Repair(
             partial(_filled, name=name, frames=drawn, mates=mates),
-            "it was filled by those",
+            "it was filled from those",
             "leave it out there, or fill the gap by the markers beside it",
         )
         yield Finding(kind="drawn path", place=name, text=text, times=spans, repair=repair)

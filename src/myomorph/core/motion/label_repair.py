@@ -567,7 +567,7 @@ def _swap_finding(
     if swap.name in (SIDES, MIRRORED) and not (swap.certain and swap.name == SIDES):
         fits = fits.replace("exchanged", "otherwise")
         sides = "the labels of the two sides are swapped (give a map with --labels)"
-        mirrored = "one axis of the recording is mirrored (turn its sign, in the forces too)"
+        mirrored = "one axis of the recording is mirrored (change its sign, in the forces too)"
         why = mirrored if swap.certain else f"either {sides}, or {mirrored}"
         text = MARKERS.message(
             f"left and right are exchanged {when}: {fits}; {why}", gravity="changes results"

@@ -59,7 +59,7 @@ def lost_findings(markers: Markers, names: Sequence[str]) -> Iterator[Finding]:
         span = (float(markers.time[start]), float(markers.time[stop]))
         text = MARKERS.message(
             f"no marker moves in {stop - start + 1} frames from {span[0]:.2f} to {span[1]:.2f} s:"
-            " they are one frame written again and again; leave this part out (--time), or export"
+            " they are one frame repeated; leave this part out (--time), or export"
             " the recording again",
             gravity="changes results",
         )
@@ -95,7 +95,8 @@ def _missing(markers: Markers, steps: Array, still: NDArray[np.bool_]) -> Iterat
         return
     time = float(markers.time[at + 3])
     text = RATES.message(
-        f"all markers jump ahead by the way of {missing[at]:.0f} frames at {time:.3f} s: frames are"
+        f"all markers jump ahead by the distance of {missing[at]:.0f} frames at {time:.3f} s:"
+        " frames are"
         " missing there though their numbers go on, so what follows is early; export the recording"
         " again, or use one side of it (--time)",
         size=missing[at] + 1.0,

@@ -176,7 +176,7 @@ def _check_matched(model: Model, markers: Markers, options: InverseKinematicsOpt
     missing = [name for name in model.marker_names if name not in matched]
     unused = [name for name in markers.names if name not in matched]
     (finding,) = name_findings(missing, unused, len(matched))
-    raise BadData(f"{finding.text}; so few show no pose")
+    raise BadData(f"{finding.text}; too few for a pose")
 
 
 def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding, ...]:

@@ -294,7 +294,8 @@ def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) ->
     """Name markers that are hidden, or move more than `most_movement` [m], in the static frames."""
     notes = [
         MARKERS.message(
-            f"marker '{name}' is not seen in the static frames: it stays", gravity="good to know"
+            f"marker '{name}' is not seen in the static frames: its position is kept",
+            gravity="good to know",
         )
         for name in model.marker_names
         if name not in seen

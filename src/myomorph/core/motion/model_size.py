@@ -45,7 +45,7 @@ def size_findings(model: Model, names: Sequence[str], values: Array) -> Iterator
     text = SIZES.message(
         f"the recorded markers lie {size:.2f} times as far apart as those of the model (half of"
         f" {len(ratios)} distances {low:.2f} to {high:.2f} times): is it the model of another"
-        " person, or not scaled yet? Fit it to this one (calibrate, scale)",
+        " person, or not scaled yet? Scale or calibrate the model to this person",
         size=100.0 * apart,
         gravity=gravity_of(apart, ERROR),
     )

@@ -453,7 +453,7 @@ class SteadyKinematics:
         blend: float = BLEND,
     ):
         if not blend > 0.0:
-            raise BadData(f"jumps are given back in {blend:g} s: expected above 0")
+            raise BadData(f"jumps are blended out in {blend:g} s: expected above 0")
         self._inverse = OnlineKinematics(model, names, options)
         self.marker_names = self._inverse.marker_names
         self._blend = blend

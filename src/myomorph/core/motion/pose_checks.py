@@ -110,7 +110,7 @@ def _bound_findings(
         further = f"{np.degrees(beyond):.0f} degrees" if bound.turns else f"{100 * beyond:.1f} cm"
         text = POSES.message(
             f"coordinate '{name}' is held at its bound of {bound} in {int(at[:, i].sum())} of"
-            f" {len(fit.motion)} frames ({first}); the markers ask for about {further} more: check"
+            f" {len(fit.motion)} frames ({first}); the markers suggest about {further} more: check"
             " the bound, the markers there and the model's size",
             gravity=_bound_gravity(bound, beyond),
         )
@@ -254,14 +254,14 @@ def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
             f"coordinate '{coordinate.name}' is up to {np.degrees(far):.0f} degrees from the middle"
             f" of its range ({np.degrees(low):.0f} to {np.degrees(high):.0f} degrees), in"
             f" {int(over.sum())} of {len(angles)} frames from {spans[0][0]:.2f} s on: the joint"
-            " turned over, and torques there are wrong: clamp it, or check the markers",
+            " flipped over, and torques there are wrong: clamp it, or check the markers",
             gravity="changes results",
         )
         yield Finding(kind="joint turned over", place=coordinate.name, text=text, times=spans)
 
 
 def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
-    """Find a floating body that lies or stands on its head in nearly all frames.
+    """Find a floating body that lies or is upside down in nearly all frames.
 
     Its vertical may be another axis of the recording.
     """
@@ -291,11 +291,11 @@ def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
         return
     axis = "xyz"[int(np.argmax(np.abs(now.mean(axis=0))))]
     usual = float(np.median(tilt))
-    what = "stands on its head" if usual > 150.0 else "lies"
+    what = "is upside down" if usual > 150.0 else "lies"
     count = f"{int((tilt > LIES).sum())} of {len(tilt)} frames"
     text = POSES.message(
         f"the body {what}: it is tilted by {usual:.0f} degrees in {count}, along the recording's"
-        f" {axis} axis. If it stood, the recording's vertical is not the model's: turn its axes",
+        f" {axis} axis. If it stood, the recording's vertical is not the model's: rotate its axes",
         gravity="changes results",
     )
     yield Finding("vertical axis", joint.child, text)

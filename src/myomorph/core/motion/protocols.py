@@ -260,7 +260,7 @@ def protocol_table(text: str, source: str, base: ProtocolTable | None = None) ->
 
     Raises
     ------
-    BadData : no TOML, an unknown table, protocol or landmark, or a label that is there twice
+    BadData : no TOML, an unknown table, protocol or landmark, or a label that is given twice
     """
     try:
         raw = tomllib.loads(text)
@@ -315,7 +315,7 @@ def _protocol(
     sides = raw.get("sides", SIDES)
     if not isinstance(sides, Mapping) or sorted(sides.values()) != ["left", "right"]:
         raise BadData(
-            f"{where}: 'sides' of 'right' and 'left' are wanted, as {{ D = \"right\", G ="
+            f"{where}: 'sides' of 'right' and 'left' are expected, as {{ D = \"right\", G ="
             ' "left" }'
         )
     labels: dict[str, Site] = {}
@@ -366,7 +366,7 @@ def _labels(
 
     Raises
     ------
-    BadData : an unknown landmark, or a label that is there twice
+    BadData : an unknown landmark, or a label that is given twice
     """
     result: dict[str, Site] = {}
     for label, value in raw.items():
@@ -381,7 +381,7 @@ def _labels(
         segment = key.split(".")[0]
         for name, side in _sided(label, sides):
             if name in result:
-                raise BadData(f"{where}: label '{name}' is there twice")
+                raise BadData(f"{where}: label '{name}' is given twice")
             result[name] = Site(
                 segment=segment, landmark=words, side=stated or side, key=key, kind=kind
             )

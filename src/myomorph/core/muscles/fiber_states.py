@@ -141,7 +141,7 @@ def _fiber_muscle(muscle: Muscle) -> FiberMuscle:
         built = ", ".join(
             kind for kind, place in MODELS.items() if isinstance(loaded(place), FiberMuscle)
         )
-        raise BadData(f"fibers of {muscle.kind} are not built: there are {built}")
+        raise BadData(f"fibers of {muscle.kind} are not supported: there are {built}")
     return model
 
 

@@ -53,7 +53,7 @@ def tissue_torques(tree: Tree, coordinates: Coordinates, tissue: Tissue) -> Gene
     legs = persons_legs(tree.model)
     if not legs:
         raise BadData(
-            f"joint_tissue '{tissue}': model '{tree.model.name}' has no leg of a person: hip, knee"
+            f"joint_tissue '{tissue}': model '{tree.model.name}' has no human leg: hip, knee"
             " and ankle that bend, with a thigh of 0.22 to 0.6 m; leave it out"
         )
     own = {torque.coordinate for torque in tree.model.passive_torques}

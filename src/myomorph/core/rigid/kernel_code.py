@@ -286,7 +286,7 @@ def _read(path: Path) -> tuple[CodeHead, bytes]:
     line, _, code = path.read_bytes().partition(b"\n")
     values = json.loads(line)
     if values["form"] != FORM or values["digest"] != code_digest(code):
-        raise ValueError(f"{path} is no code of this version, or damaged")
+        raise ValueError(f"{path} is not code of this version, or is damaged")
     head = CodeHead(
         kernel=values["kernel"],
         key=_as_tuple(values["key"]),

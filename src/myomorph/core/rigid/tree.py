@@ -482,7 +482,8 @@ def _sources(names_of_each: list[tuple[str, ...]], names: tuple[str, ...]) -> In
     for row, used in zip(table, names_of_each, strict=True):
         if len(used) > 2:
             raise BadModel(
-                f"a function of {len(used)} coordinates ({', '.join(used)}): at most two are built"
+                f"a function of {len(used)} coordinates ({', '.join(used)}): at most two are"
+                " supported"
             )
         row[: len(used)] = [index_of("coordinate", name, names) for name in used]
     return table
@@ -501,7 +502,9 @@ def _evaluation_order(couplers: tuple[Coupler, ...]) -> list[Coupler]:
         driven = {coupler.dependent for coupler in waiting}
         ready = [coupler for coupler in waiting if not driven & set(coupler.independents)]
         if not ready:
-            raise BadModel(f"couplers go round in a circle: {', '.join(sorted(driven))}")
+            raise BadModel(
+                f"couplers depend on each other in a circle: {', '.join(sorted(driven))}"
+            )
         ordered += ready
         waiting = [coupler for coupler in waiting if coupler not in ready]
     return ordered

@@ -386,7 +386,8 @@ def name_cluster(
     near = {index: picked[name] for index, name in enumerate(names) if picked and name in picked}
     if not near and distances is None:
         raise BadData(
-            f"nothing tells the markers {listed} apart: pick points near them, or give a recording"
+            f"nothing distinguishes the markers {listed}: pick points near them, or give a"
+            " recording"
         )
     centers = np.array([ball.center for ball in balls])
     orders = _orders(len(balls), len(names))
@@ -458,7 +459,7 @@ def _swapped_picks(
     swapped = [name for name, ball, other in balls if ball != other]
     return [
         BONES.message(
-            f"markers {', '.join(swapped)} look swapped: as picked their distances differ by"
+            f"markers {', '.join(swapped)} seem exchanged: as picked their distances differ by"
             f" {1e3 * misfits[picked]:.1f} mm from the recording's, in another order by"
             f" {1e3 * misfits.min():.1f} mm"
         )

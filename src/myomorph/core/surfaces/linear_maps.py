@@ -134,7 +134,7 @@ def procrustes(
         spread = np.linalg.svd(points, compute_uv=False)
         if spread[1] < 0.02 * spread[0] or spread[0] == 0:
             raise BadData(
-                "the points lie on a line, about which nothing is known: pick one beside it"
+                "the points lie on a line, so the rotation about it is unknown: pick one beside it"
             )
     u, d, vt = np.linalg.svd((share * y).T @ x)
     signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
@@ -223,8 +223,8 @@ def _warnings(
         return [
             BONES.message(
                 f"picked point '{names[worst]}' lies {1e3 * left_out[worst]:.1f} mm from where the"
-                f" others put it (they agree within {1e3 * of_others[worst]:.1f} mm): wrongly"
-                " picked, or named after another"
+                f" others put it (they agree within {1e3 * of_others[worst]:.1f} mm): was it picked"
+                " wrongly, or named as another?"
             )
         ]
     return []
@@ -296,7 +296,7 @@ class AffineMap:
         try:
             back = np.linalg.inv(self.matrix).astype(np.float64)
         except np.linalg.LinAlgError:
-            raise BadData("an affine map that flattens space has no way back") from None
+            raise BadData("a singular affine map has no inverse") from None
         offset: Array = -back @ self.offset
         return AffineMap(back, offset)
 

@@ -169,7 +169,7 @@ def _of_muscles(conflicts: Sequence[EmgConflict]) -> str:
         for conflict in list(worst.values())[:3]
     )
     more = " ..." if len(worst) > 3 else ""
-    return f"{len(worst)} muscles leave their EMG ({text}{more})"
+    return f"{len(worst)} muscles deviate from their EMG ({text}{more})"
 
 
 def _of_reserves(conflicts: Sequence[EmgConflict]) -> str:
@@ -177,6 +177,6 @@ def _of_reserves(conflicts: Sequence[EmgConflict]) -> str:
     joints = {conflict.coordinate for conflict in conflicts}
     greatest = min(conflicts, key=lambda conflict: -abs(conflict.found))
     return (
-        f"reserves of {len(joints)} coordinates bear what EMG leaves ({greatest.coordinate}"
+        f"reserves of {len(joints)} coordinates supply what EMG leaves ({greatest.coordinate}"
         f" {abs(greatest.found):.3g} of {abs(greatest.emg):.3g} at {greatest.worst:.3g} s)"
     )

@@ -64,7 +64,7 @@ class EmgOptions:
             raise BadData(f"unknown gains of EMG '{self.gains}': there are 'fitted', 'normalized'")
         if self.unmeasured not in ("effort", "synergies"):
             raise BadData(
-                f"unknown way of muscles without EMG '{self.unmeasured}': there are 'effort',"
+                f"unknown treatment of muscles without EMG '{self.unmeasured}': there are 'effort',"
                 " 'synergies'"
             )
         if self.unmeasured_weight is not None and not self.unmeasured_weight > 0.0:

@@ -185,7 +185,7 @@ INTERVAL_TIME = Quantity(
     name="interval_time",
     dims=("interval_time",),
     unit="s",
-    meaning="instants at which it was asked what is left open",
+    meaning="instants at which force intervals were computed",
     attribute="time",
 )
 INTERVAL_LOW = Quantity(

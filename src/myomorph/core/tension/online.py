@@ -207,11 +207,13 @@ def _load_term(
     costs = settled_recruitment(recruitment, model, options, external=True)
     if costs.co_contraction:
         raise BadData(
-            "co-contraction frame by frame is not there: use 'myomorph tension' after the recording"
+            "co-contraction is not supported frame by frame: use 'myomorph tension' after the"
+            " recording"
         )
     if costs.knee_contact:
         raise BadData(
-            "knee_contact frame by frame is not there: use 'myomorph tension' after the recording"
+            "knee_contact is not supported frame by frame: use 'myomorph tension' after the"
+            " recording"
         )
     if not costs.joint_load:
         return None

@@ -152,8 +152,8 @@ def _words(allowance: Allowance) -> str:
     if allowance.kind == "pull":
         return f"a pull of {whole(allowance.force)} N at '{allowance.where}'"
     if allowance.force >= allowance.moment:
-        return f"{whole(allowance.force)} N at '{allowance.where}' from nowhere"
-    return f"{whole(allowance.moment)} N m at '{allowance.where}' from nowhere"
+        return f"{whole(allowance.force)} N at '{allowance.where}' without a support"
+    return f"{whole(allowance.moment)} N m at '{allowance.where}' without a support"
 
 
 class Roots:

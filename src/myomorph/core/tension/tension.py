@@ -394,8 +394,8 @@ def passive_notes(tension: Tension) -> tuple[Message, ...]:
     if tension.options.tendons == "rigid":
         notes.append(
             PASSIVE.message(
-                "passive force on rigid tendons: fibers take up all that a path lengthens, so it"
-                " comes out larger than with tendons that stretch",
+                "passive force on rigid tendons: fibers take up all that a path lengthens, so it is"
+                " larger than with elastic tendons",
                 gravity="good to know",
             )
         )
@@ -486,9 +486,9 @@ def missing_support(
     worst = int(np.nanargmax(residuals))
     text = CONTACTS.message(
         f"contacts cannot carry the motion: forces of {whole(size)} N (root mean square;"
-        f" {whole(residuals[worst])} N at {tension.time[worst]:.2f} s) come from nowhere, compared"
-        f" with a weight of {whole(weight)} N: believe neither contact forces nor torques and"
-        " tensions (is a support missing, --contacts, or the motion too noisy, --cutoff?)",
+        f" {whole(residuals[worst])} N at {tension.time[worst]:.2f} s) have no support, compared"
+        f" with a weight of {whole(weight)} N: neither contact forces nor torques and tensions are"
+        " reliable (is a support missing, --contacts, or the motion too noisy, --cutoff?)",
         size=float(residuals[worst]),
     )
     times = tuple(span for message in infeasible for span in message.times)

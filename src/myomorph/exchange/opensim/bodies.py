@@ -65,7 +65,7 @@ def muscle_analysis(here: Analyzed, analysis: Analysis) -> Result:
         notes.append(
             SETUPS.message(
                 f"{analysis.name} writes Length and MomentArm only: fibers of {classes} are not"
-                " built"
+                " supported"
             )
         )
     else:

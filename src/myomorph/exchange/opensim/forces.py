@@ -208,7 +208,7 @@ def reported_states(here: Analyzed, analysis: Analysis) -> Result:
             (
                 SETUPS.message(
                     f"{analysis.name} leaves out states of muscles:"
-                    f" {', '.join(here.without_fibers)}: not built"
+                    f" {', '.join(here.without_fibers)}: not supported"
                 )
             ),
         )
@@ -229,7 +229,7 @@ def inverse_dynamics_analysis(here: Analyzed, analysis: Analysis) -> Result:
     reading.has_mass(here.model, "inverse dynamics")
     if analysis.flag("use_model_force_set", True):
         raise BadData(
-            f"{analysis.name}: use_model_force_set is not built: expected false, or"
+            f"{analysis.name}: use_model_force_set is not supported: expected false, or"
             " InverseDynamicsTool"
         )
     torques = inverse_dynamics(here.model, here.motion, here.wrenches)

@@ -65,7 +65,8 @@ def missing_torques(
         held = actuator.coordinate or actuator.name
         messages.append(
             TOO_WEAK.message(
-                f"muscles and actuators cannot hold '{held}': {largest[index]:.3g} {unit} are"
+                f"muscles and actuators cannot produce the torque of '{held}': {largest[index]:.3g}"
+                f" {unit} are"
                 f" missing at {again.time[frame]:.2f} s, and {len(failed)} of {len(tension)} frames"
                 " have no solution",
                 place=held,

@@ -44,7 +44,7 @@ def check_outputs(outputs: Iterable[Path], inputs: Iterable[Path | None]) -> Non
         if place in seen:
             raise BadFile(path, "is the name of two results", "give one of them another name")
         if path.is_dir():
-            raise BadFile(path, "is a folder, but a result wants its name")
+            raise BadFile(path, "is a folder, but has the name of a result")
         seen.add(place)
 
 

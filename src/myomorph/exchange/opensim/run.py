@@ -202,7 +202,7 @@ def net_torques(
     if model.muscles and not words & {"MUSCLES", "ACTUATORS"}:
         warnings.append(
             SETUPS.message(
-                "forces_to_exclude does not name Muscles: their forces are left out all the same"
+                "forces_to_exclude does not name Muscles: their forces are left out anyway"
             )
         )
     return replace(torques, values=torques.values - passive.values), warnings
@@ -328,7 +328,7 @@ def _chosen_analyses(setup: AnalyzeSetup, source: Path) -> tuple[list[Analysis],
             f" {listing(asked, tuple(ANALYSES))}"
         )
     return chosen, [
-        SETUPS.message(f"analysis {kind} is left out: it is not built") for kind in others
+        SETUPS.message(f"analysis {kind} is left out: it is not supported") for kind in others
     ]
 
 

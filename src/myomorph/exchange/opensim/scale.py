@@ -250,9 +250,9 @@ def _write_model(model: Model, warnings: list[Message], path: Path) -> None:
 def _factors_line(factors: dict[str, Array], model: Model) -> str:
     sizes = [factor for body, factor in factors.items() if (factor != 1.0).any()]
     if not sizes:
-        return f"no body is stretched, mass {model.mass:.2f} kg"
+        return f"no body is scaled, mass {model.mass:.2f} kg"
     span = f"factors {np.min(sizes):.4g} to {np.max(sizes):.4g}"
-    return f"{len(sizes)} of {len(factors) - 1} bodies stretched, {span}, mass {model.mass:.2f} kg"
+    return f"{len(sizes)} of {len(factors) - 1} bodies scaled, {span}, mass {model.mass:.2f} kg"
 
 
 def _markers_line(placement: Placement) -> str:

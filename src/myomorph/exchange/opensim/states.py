@@ -157,7 +157,7 @@ class Analyzed:
         return (
             SETUPS.message(
                 f"no equilibrium of {quoted(names)} in {int(missing.sum())} of {missing.size}"
-                " fibers and frames: there the fiber lengths stand that were given, as in OpenSim"
+                " fibers and frames: the given fiber lengths are kept there, as in OpenSim"
             ),
         )
 

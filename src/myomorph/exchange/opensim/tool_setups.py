@@ -183,7 +183,7 @@ def read_setup(path: str | os.PathLike[str]) -> Setup:
     node = read_document(path, (), "")
     kind = MISSPELT.get(node.kind, node.kind)
     if kind not in TOOLS:
-        what = f"holds <{kind}>" + (", a tool that is not built" if kind in OTHER_TOOLS else "")
+        what = f"holds <{kind}>" + (", a tool that is not supported" if kind in OTHER_TOOLS else "")
         raise BadFile(path, what, f"the tools that exist are {listing(kind, TOOLS)}")
     node = setup_parts.with_included(node)
     if kind == SCALE_TOOL:
@@ -210,7 +210,7 @@ def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
         warnings += (
             (
                 SETUPS.message(
-                    f"constraint_weight is {weight:g}: constraints hold strictly all the same, as"
+                    f"constraint_weight is {weight:g}: constraints are enforced strictly anyway, as"
                     " in OpenSim 4.6",
                     gravity="good to know",
                 )

@@ -42,9 +42,7 @@ class PeriodOptions:
 
     def __post_init__(self) -> None:
         if self.cycles < 2.0:
-            raise BadData(
-                f"a period from {self.cycles:g} cycles: expected 2 or more, or nothing is repeated"
-            )
+            raise BadData(f"a period from {self.cycles:g} cycles: expected 2 or more")
 
 
 @shown

@@ -264,7 +264,7 @@ def _of_a_motion(motion: SeenMotion) -> Known[Movement]:
 def _flights_in_words(motion: SeenMotion) -> str:
     """Say how often the body flies, and what shows it where markers do not."""
     flights = motion.flight_count
-    text = counted(flights, "flight") if flights else "without a flight"
+    text = counted(flights, "flight") if flights else "without flight"
     return text if motion.flights_by is None else f"{text} by {motion.flights_by.origin}"
 
 
@@ -274,7 +274,7 @@ def _of_an_animal(motion: SeenMotion, steps: bool) -> Known[Movement]:
         return Known(sentence="an animal that takes no steps")
     gait = found_gait(motion.body)
     movement = "walking" if gait.value is None else GAIT_MOVEMENTS[gait.value]
-    how = f"{gait.value}: {gait.sentence}" if gait else f"gait not shown: {gait.sentence}"
+    how = f"{gait.value}: {gait.sentence}" if gait else f"gait not determined: {gait.sentence}"
     text = f"feet of an animal pass each other {_times(motion)}; {how}"
     return _by_markers(movement, text)
 
@@ -308,5 +308,5 @@ def _of_a_pose(motion: SeenMotion) -> Known[Movement]:
     if reach > MIN_REACH * body.leg:
         return _by_markers("upper limb", f"legs stay, and a hand goes {100.0 * reach:.0f} cm")
     if motion.standing_share < UPRIGHT:
-        return _by_markers("other", "nobody moves, and the thighs are level: somebody sits")
-    return _by_markers("standing", "nobody moves, and the thighs are upright")
+        return _by_markers("other", "no movement, with level thighs: sitting")
+    return _by_markers("standing", "no movement, with upright thighs")

@@ -160,7 +160,7 @@ def control_norm(persons: Sequence[GaitCurves], source: str) -> GaitNorm:
     """
     if len(persons) < MIN_PERSONS:
         raise BadData(
-            f"{source}: {len(persons)} persons with strides: a norm takes {MIN_PERSONS} or more"
+            f"{source}: {len(persons)} persons with strides: a norm needs {MIN_PERSONS} or more"
         )
     legs = np.stack([[person.mean(side) for side in SIDES] for person in persons])
     every = legs.reshape(-1, *legs.shape[2:])

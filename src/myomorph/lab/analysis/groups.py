@@ -217,7 +217,8 @@ def compare_groups(first: Group, second: Group, options: GroupOptions | None = N
         " or more in each"
     )
     blunt = GROUPS.message(
-        f"groups of {n} and {m} cannot reach a p below {{:.3g}}: no difference can be called so at"
+        f"groups of {n} and {m} cannot reach a p below {{:.3g}}: no difference can be significant"
+        " at"
         " {:.3g}"
     )
     return _compared(first, second, options, (n, m), (few, blunt))
@@ -279,7 +280,8 @@ def compare_paired(first: Group, second: Group, options: GroupOptions | None = N
         f" {permutations.MIN_SUBJECTS} or more"
     )
     blunt = GROUPS.message(
-        f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be called so at {{:.3g}}"
+        f"{n} subjects cannot reach a p below {{:.3g}}: no difference can be significant at"
+        f" {{:.3g}}"
     )
     firsts, seconds = zip(*pairs, strict=True)
     former = Group(name=first.name, animals=firsts)
@@ -336,7 +338,9 @@ def _common_names(
     lost = sorted({name for listed in names for name in listed} - set(shared))
     if lost:
         listed = ", ".join(lost[:6]) + (", ..." if len(lost) > 6 else "")
-        notes.append(GROUPS.message(f"{what} that some animals lack are left out: {listed}"))
+        notes.append(
+            GROUPS.message(f"{what} that are missing for some animals are left out: {listed}")
+        )
     return tuple(shared)
 
 

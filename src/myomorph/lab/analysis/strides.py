@@ -185,9 +185,7 @@ def find_strides(  # page: points and legs, and what is known of a recording, al
     """
     options = options or StrideOptions()
     if wrenches is not None and not (weight is not None and weight > 0.0):
-        raise BadData(
-            "plates tell contact by the share of body weight on them: the weight is missing"
-        )
+        raise BadData("contacts from plates need the body weight")
     trunk = _trunk(points, limbs, body)
     feet = {limb.name: _mean(points, limb.points) for limb in limbs}
     up = np.asarray(up, dtype=np.float64)
@@ -242,7 +240,7 @@ def _sides_differ(limbs: Sequence[Limb]) -> bool:
 
 def _without_strikes(tracks: Mapping[str, FootTrack]) -> list[Message]:
     return [
-        STRIDES.message(f"{name}: the foot is not seen to go forward and back")
+        STRIDES.message(f"{name}: the foot does not move forward and back")
         for name, track in tracks.items()
         if not len(track.strikes)
     ]

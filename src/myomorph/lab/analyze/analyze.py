@@ -632,13 +632,13 @@ def static_trial(
     moving = [one for one in looked if one not in still]
     if still and moving:
         static = max(still, key=lambda one: len(one.found.sites))
-        return static, moving, f"{static.path.name} is the static trial: nobody moves in it."
+        return static, moving, f"{static.path.name} is the static trial, without movement."
     beside = static_beside(looked[0], request.table) if moving else None
     if beside is not None:
         return (
             beside,
             moving,
-            f"{beside.path.name} beside the recording is the static trial: nobody moves in it.",
+            f"{beside.path.name} beside the recording is the static trial, without movement.",
         )
     return (
         None,
@@ -783,8 +783,8 @@ def _generic(
     if alone:
         text += (
             "No marker is on a leg: arms with markers move, on a trunk that goes where its"
-            " markers are; all else hangs from it, without muscles, and what holds the trunk is"
-            " nobody's torque."
+            " markers are; all else is attached to it, without muscles; what holds the trunk is not"
+            " a joint torque."
         )
     if not arms:
         text += "The arms' mass is part of the trunk's" + (
@@ -793,7 +793,7 @@ def _generic(
     if request.arms and not seen:
         text += " It has no arms, for no markers show two segments of one (--arms)."
     if without:
-        text += f" Without a place on it: {few(without)}."
+        text += f" Not placed on it: {few(without)}."
     recorded = dict.fromkeys(label for one in everyone for label in one.found.sites)
     return model, path, {label: bare(label) for label in recorded if bare(label) != label}, [text]
 
@@ -845,7 +845,7 @@ def _height(recording: Recording, height: float | None) -> tuple[float | None, l
     found = standing_height(recording)
     if found is None:
         return height, [
-            f"--height {height:g} m could not be held against the markers: none are on shoulders"
+            f"--height {height:g} m could not be checked against the markers: none are on shoulders"
             " and ankles."
         ]
     apart = found / height - 1.0

@@ -138,7 +138,7 @@ def recorded_trial(
     laboratory = laboratory_of(recording, model, request)
     texts += _axes_sentences(recording, laboratory)
     if recording.shown_still(request.time):
-        texts.append("Nobody moves in it: angles, torques and tensions are those of one pose.")
+        texts.append("No movement: angles, torques and tensions are those of one pose.")
     emg, of_emg = _emg(recording, model, files.get(EmgFiles))
     texts += of_emg
     if request.statements.of(recording.path).plates:
@@ -161,11 +161,12 @@ def _axes_sentences(recording: Recording, laboratory: Laboratory) -> list[str]:
     if laboratory.up:
         why = recording.why_up
         texts.append(
-            f"{laboratory.up} points up in the laboratory, for {why}: turned to the model's y axis."
+            f"{laboratory.up} points up in the laboratory, because {why}: rotated to the model's y"
+            " axis."
         )
     if laboratory.turn:
         texts.append(
-            f"Turned by {laboratory.turn:g}° about the vertical, for {recording.why_turn}."
+            f"Turned by {laboratory.turn:g}° about the vertical, because {recording.why_turn}."
         )
     return texts
 
@@ -303,7 +304,7 @@ def _channel_sentences(
     """Say which channels are used, which have no signal, and which have no side."""
     texts = [f"EMG of {len(alive)} analog channels: {few(alive)}."] if alive else []
     if dead:
-        texts.append(f"Analog channels without a signal, which take no part: {few(dead)}.")
+        texts.append(f"Analog channels without a signal, not used: {few(dead)}.")
     if sideless:
         lost = few(sideless)
         texts.append(

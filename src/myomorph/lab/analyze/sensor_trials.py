@@ -58,7 +58,7 @@ def unmarked_request(request: AnalyzeRequest) -> tuple[AnalyzeRequest, str]:
         (
             "INERTIAL SENSORS ALONE, no markers and no plates: flexion is as good as the"
             f" calibration pose, {lengths}, and forces under the feet are estimated; torques and"
-            " tensions are rougher than with plates (docs: inertial sensors, what it is worth)."
+            " tensions are rougher than with plates (docs: inertial sensors, accuracy)."
         ),
     )
 
@@ -123,8 +123,9 @@ def check_sensors(recording: Recording, request: AnalyzeRequest) -> None:
         and not starts_still(sensors)
     ):
         raise BadData(
-            f"{recording.path}: nobody stands still at its start, so nothing shows how its sensors"
-            " are mounted: give a recording of the same sensors on somebody who stands (--static"
+            f"{recording.path}: it does not begin with quiet standing, so the mounting of its"
+            " sensors is unknown: give a recording of the same sensors in quiet standing"
+            " (--static"
             " FILE), or its time in this one (--imu-pose-time START END)"
         )
 

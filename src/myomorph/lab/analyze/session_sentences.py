@@ -25,8 +25,8 @@ def _who(session: Session) -> list[str]:
         if person.name.origin == "not known":
             return []
         if person.name.origin == "user":
-            return [f"Recorded was {person.name}, as stated."]
-        return [f"Recorded was {person.name}, by the {person.name.origin}."]
+            return [f"Subject: {person.name}, as stated."]
+        return [f"Subject: {person.name}, from the {person.name.origin}."]
     texts = [
         f"{person.name} ({person.why})" if person.why else str(person.name)
         for person in session.people

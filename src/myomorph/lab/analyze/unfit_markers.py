@@ -9,7 +9,7 @@ from myomorph.core.motion.protocols import Recognized
 from myomorph.lab.analysis.arm_labels import is_arm
 
 TABLE = (
-    "say what they lie on in a table (--protocol TABLE.toml), or give a model with such markers"
+    "state their landmarks in a table (--protocol TABLE.toml), or give a model with such markers"
     " (--model)"
 )
 MIN_MARKERS = 6  # Fewer markers on a body's bones say too little of a motion.
@@ -50,7 +50,7 @@ def unfit_markers(recognized: Recognized, lacking: Sequence[str]) -> str:
     some = ", ".join(f"'{name}'" for name in unknown[:5]) + (", ..." if len(unknown) > 5 else "")
     if is_arm(recognized):
         return (
-            f"the markers are those of an arm, none known on {' and '.join(lacking)}: {TABLE}"
+            f"the markers are those of an arm, no known label on {' and '.join(lacking)}: {TABLE}"
             + (f"; not known: {some}" if unknown else "")
         )
     if not recognized.sites and _are_numbered(unknown):

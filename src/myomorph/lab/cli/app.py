@@ -44,13 +44,13 @@ OWN_COMMANDS = {
     ),
     "info": CommandEntry(
         function="myomorph.lab.cli.files:info_command",
-        help="What is in a model, C3D, TRC, MOT or STO file, and what is wrong with it.",
+        help="Contents of a model, C3D, TRC, MOT or STO file, and possible errors in it.",
         example="myomorph info walk1.c3d",
         panel="Files",
     ),
     "convert": CommandEntry(
         function="myomorph.lab.cli.files:convert_command",
-        help="A recording as other files: C3D to TRC, MOT with external loads and STO, and back.",
+        help="Convert recordings: C3D to TRC, MOT with external loads and STO, and back.",
         example="myomorph convert walk1.c3d --out walk1",
         panel="Files",
     ),
@@ -143,7 +143,7 @@ OWN_COMMANDS = {
     ),
     "uncertainty": CommandEntry(
         function="myomorph.lab.cli.step_command:uncertainty_command",
-        help="How far errors in markers, plates, model and muscles move the results.",
+        help="Effects of errors in markers, plates, model and muscles on the results.",
         example=(
             "myomorph uncertainty --model subject.osim --motion walk1.mot --loads"
             " walk1_grf.xml --draws 200 --out walk1"
@@ -261,7 +261,7 @@ OWN_COMMANDS = {
     ),
     "norms": CommandEntry(
         function="myomorph.lab.cli.norms:norms_command",
-        help="Make a file of norms of a control group, which walks are held against.",
+        help="Make a file of norms of a control group, with which walks are compared.",
         example="myomorph norms controls/c1 controls/c2 controls/c3 --out controls.csv",
         panel="Files",
     ),

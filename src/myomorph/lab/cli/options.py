@@ -49,8 +49,8 @@ DrawCount = Annotated[
     Parameter(
         name="--draws",
         help=(
-            "Compute it anew so many times with errors in all inputs, 200 for example; beside every"
-            " table stand its limits of 90 % (NAME_low, NAME_high), and uncertainty.csv says what"
+            "Repeat the computation so many times with errors in all inputs, 200 for example;"
+            " every table gets its 90 % limits (NAME_low, NAME_high), and uncertainty.csv says what"
             " contributes."
         ),
     ),
@@ -60,8 +60,7 @@ DrawProcesses = Annotated[
     Parameter(
         name="--workers",
         help=(
-            "Processes that share the draws; by default as many as threads, where that is worth"
-            " their start."
+            "Processes that share the draws; by default as many as threads, where that saves time."
         ),
     ),
 ]
@@ -70,7 +69,7 @@ UncertaintyFile = Annotated[
     Parameter(
         name="--uncertainty",
         help=(
-            "Sizes of the errors (.toml of lines 'placement = 0.008'), in the place of usual ones; "
+            "Sizes of the errors (.toml of lines 'placement = 0.008'), instead of the usual ones; "
             "'myomorph uncertainty --help' lists them."
         ),
     ),

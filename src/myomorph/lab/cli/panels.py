@@ -195,7 +195,7 @@ class PanelHelp:
         if hidden and not self.everything:
             console.print(f"{hidden} more options: myomorph {self.command} {ALL_FLAG}")
         elif hidden:
-            console.print(f"{hidden} more, for study files above all: {RARE_PAGE}", soft_wrap=True)
+            console.print(f"{hidden} more, mainly for study files: {RARE_PAGE}", soft_wrap=True)
 
     def render_usage(self, console: Console, options: ConsoleOptions, usage: Any) -> None:
         """Print the line of usage."""

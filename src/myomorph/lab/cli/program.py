@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 warnings.simplefilter("ignore")
             return _run([word for word in words if word != "--debug"])
     except KeyboardInterrupt:
-        return _say("interrupted: nothing half-written was left behind", INTERRUPTED)
+        return _say("interrupted: no incomplete files were left", INTERRUPTED)
     except BrokenPipeError:
         # End quietly, as other programs do, where whoever read our output has gone (`| head`).
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

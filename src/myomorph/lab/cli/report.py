@@ -65,7 +65,7 @@ def report_command(
     elif len(folders) == 1 and out is None:
         pages = _reports(folders[0], shown)
     elif len(folders) == 1:
-        raise BadData(f"--out {out}: a report stands in its folder; only two folders take --out")
+        raise BadData(f"--out {out}: a report is written into its folder; --out needs two folders")
     else:
         raise BadData(f"{len(folders)} folders: give one, or two whose walks are to be compared")
     for page in pages:

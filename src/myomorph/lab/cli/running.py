@@ -89,7 +89,7 @@ class Running:
 
         cluster = DaskWorkers(self.scheduler, out)
         for text in cluster.refused.values():
-            said(f"{text}; it gets no work")
+            said(f"{text}; it is not used")
         return cluster
 
     def print_dry_run(

@@ -79,7 +79,7 @@ def _ended(outcomes: Sequence[Outcome], out: Path) -> int:
     done = [trial.error for trial in trials].count("")
     said(f"{done} of {len(trials)} trials done; table: {out / 'results.csv'}")
     if not has_parquet():
-        said(f"{PARQUET} is left out: pip install 'myomorph[parquet]' brings what writes it")
+        said(f"{PARQUET} is left out: pip install 'myomorph[parquet]' to write it")
     full = sum(trial.error.startswith("not run:") and FULL in trial.error for trial in trials)
     if full:
         said(f"{full} trials were not run: {FULL}")
@@ -95,4 +95,4 @@ def _print_failed(failed: Sequence[Outcome]) -> None:
     if failed:
         names = [named(outcome) for outcome in failed[:MAX_REMARKS]]
         more = f" and {len(failed) - len(names)} more" if len(failed) > len(names) else ""
-        said(f"failed: {', '.join(names)}{more}; why stands in results.csv and study.log")
+        said(f"failed: {', '.join(names)}{more}; reasons are in results.csv and study.log")

@@ -97,7 +97,8 @@ def turned(recording: Recording, up: Up, forward: Forward, axes: str) -> Recordi
         is_up = vertical(recording)
         if not is_up:
             raise BadData(
-                "which way is up cannot be seen from markers or plates: give --axes, as x,z,-y for"
+                "markers and plates do not determine which axis points up: give --axes, as x,z,-y"
+                " for"
                 " z up to y up"
             )
         if is_up != up:
@@ -107,7 +108,7 @@ def turned(recording: Recording, up: Up, forward: Forward, axes: str) -> Recordi
             recording = rotated(
                 recording,
                 matrix,
-                READING.message(f"{is_up} points up in the recording: it was turned to {up} up"),
+                READING.message(f"{is_up} points up in the recording: it was rotated to {up} up"),
             )
     if forward:
         recording = _facing(recording, forward)

@@ -65,7 +65,7 @@ def inspect(path: str | os.PathLike[str], reasons: bool = False) -> Inspection:
         return _inspect_xml(path)
     if model_format(path) is not None:
         return inspect_model(read_model(path))
-    raise BadFile(path, f"is of no kind that is known: its name ends in '{ending}'", EXPECTED)
+    raise BadFile(path, f"is not a known kind of file: its name ends in '{ending}'", EXPECTED)
 
 
 def _inspect_xml(path: Path) -> Inspection:
@@ -79,7 +79,7 @@ def _inspect_xml(path: Path) -> Inspection:
     if root.tag == "mujocoinclude":
         raise BadFile(
             path,
-            "is a part of MuJoCo models, no model by itself: its outermost element is"
+            "is a part of a MuJoCo model and not a model by itself: its outermost element is"
             " <mujocoinclude>",
             "give the file that includes it",
         )

@@ -150,15 +150,15 @@ def _odd_sizes(size: float) -> list[Message]:
     if size > 15.0:
         return [
             UNITS.message(
-                f"the markers spread over {size:.0f} m: are the positions in another unit than the"
-                " file says?"
+                f"the markers spread over {size:.0f} m: does the unit in the file match the"
+                " positions?"
             )
         ]
     if 0.0 < size < 0.005:
         return [
             UNITS.message(
-                f"the markers spread over {1000 * size:.2g} mm: are the positions in another unit"
-                " than the file says?"
+                f"the markers spread over {1000 * size:.2g} mm: does the unit in the file match the"
+                " positions?"
             )
         ]
     return []
@@ -263,8 +263,8 @@ def _plate_findings(
         (
             "load",
             (
-                f"the plates usually carry {usual:.4g} N in all: {usual / 9.81:.3g} kg, if the"
-                " whole body"
+                f"the plates usually carry {usual:.4g} N in all: {usual / 9.81:.3g} kg, if it is"
+                " the whole body"
             ),
         )
     )

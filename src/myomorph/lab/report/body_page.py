@@ -67,7 +67,14 @@ def measurement_sheet(shape: Shape) -> Sheet:
         for name in shape.alike.names:
             middle = shape.alike.expected(name)
             low, high = _interval(middle, shape.alike.sd(name))
-            row = (_with_unit(name), "of people alike", middle, low, high, shape.reached.get(name))
+            row = (
+                _with_unit(name),
+                "of similar people",
+                middle,
+                low,
+                high,
+                shape.reached.get(name),
+            )
             rows.append(row)
     return Sheet(("measurement", "source", "value", "95 % low", "95 % high", "of this body"), rows)
 

@@ -163,7 +163,7 @@ def _group(person: Sequence[Placement], why: str, doubtful: Sequence[str]) -> Gr
     numbers = [number for placement in person for number in placement.recordings]
     texts = [*_unresolved(person)][:MAX_UNRESOLVED]
     texts += [
-        SESSION.message(f"{names}: of this person or of another one of these, not known")
+        SESSION.message(f"{names}: of this person or another one of these, unknown")
         for names in doubtful
     ]
     return Group(members=tuple(sorted(numbers)), why=why, unresolved=tuple(texts))
@@ -183,8 +183,8 @@ def _unresolved(person: Sequence[Placement]) -> Iterator[Message]:
         yield (
             SESSION.message(
                 f"markers lie elsewhere in {placement.names} than in {others[nearest].names}{how}:"
-                " one person who was marked twice and two people of like build cannot be told"
-                " apart, taken as one"
+                " one person who was marked twice and two people of like build cannot be"
+                " distinguished, assumed to be one"
             )
         )
 

@@ -58,8 +58,8 @@ def weighed(
                 ),
             )
     raise BadData(
-        "no mass was given, and no plate weighs the subject: neither somebody who stands still"
-        f" with both feet on plates, nor {SECONDS:g} s of gait on belts that carry the whole body;"
+        "no mass was given, and no plate weighs the subject: neither in quiet standing with both"
+        " feet on plates, nor in {SECONDS:g} s of gait on belts that carry the whole body;"
         " give the mass (--mass KG)"
     )
 

@@ -78,7 +78,7 @@ def read_session(
     recordings, unread = looked_at(files)
     passed_over += unread
     if not recordings:
-        raise BadFile(given[0], "holds no recording that can be read", "; ".join(passed_over[:3]))
+        raise BadFile(given[0], "holds no readable recording", "; ".join(passed_over[:3]))
     source = ", ".join(str(path) for path in given)
     return session_of(recordings, source, passed_over)
 
@@ -265,7 +265,7 @@ def _people(
         code = _code_of([evidence[member] for member in group.members])
         name = header if header and (counts[header.value] == 1 or not code) else code
         if not name:
-            name = Known(value=NOBODY, sentence="no name or header says who")
+            name = Known(value=NOBODY, sentence="no name or header identifies the person")
         name = replace(name, value=_free(str(name.value), taken))
         taken.add(str(name.value))
         people.append(
@@ -314,7 +314,7 @@ def mass_of(trials: Sequence[SessionTrial]) -> Known[float]:
     """Mass of a person by plates that carry somebody who stands still."""
     weighed = [trial for trial in trials if trial.measures.mass is not None]
     if not weighed:
-        return Known(sentence="no plates carry somebody who stands still")
+        return Known(sentence="no quiet standing on plates")
     first = weighed[0]
     assert first.measures.mass is not None
     sentence = f"{first.name}, standing still"

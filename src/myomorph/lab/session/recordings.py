@@ -271,7 +271,7 @@ def _up(trial: Trial, recognized: Recognized, places: dict[str, Array]) -> tuple
         why = f"the plates lie level with {axis}"
     if not why and Path(trial.source).suffix.lower() == ".c3d":
         axis = "z"
-        why = "the z axis of a C3D file points up by custom"
+        why = "the z axis of a C3D file points up by convention"
     return ("", "") if axis == "y" else (axis, why)
 
 

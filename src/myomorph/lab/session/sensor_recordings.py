@@ -90,6 +90,8 @@ def placed_sensors(
         ]
     texts = [f"Inertial sensors of {where}: {', '.join(used)}."]
     if lost:
-        texts.append(f"Sensors on no body of {model.name}, which are not used: {', '.join(lost)}.")
+        texts.append(
+            f"Sensors without a body in {model.name}, which are not used: {', '.join(lost)}."
+        )
     bodies = FrozenMap({**asked.imu_bodies, **dict.fromkeys(lost, "-")})
     return replace(asked, imu=tuple(files), imu_bodies=bodies), texts

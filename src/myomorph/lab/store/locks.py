@@ -81,7 +81,7 @@ def read_mark(folder: Path) -> RunMark | None:
     except (ValueError, KeyError, TypeError) as error:
         raise BadFile(
             path,
-            f"does not show which run wrote here ({error})",
+            f"does not state which run wrote here ({error})",
             "remove it, or give --out another",
         ) from None
 

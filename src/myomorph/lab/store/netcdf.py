@@ -291,7 +291,7 @@ def open_netcdf(path: str | os.PathLike[str]) -> Iterator[NetcdfSource]:
     if sealed is Seal.DAMAGED:
         raise BadFile(
             path,
-            "is damaged: it does not fit the digest that it was written with",
+            "is damaged: it does not match its digest",
             "run the command that wrote it again, or take a copy of it",
         )
     if sealed is Seal.NONE:

@@ -111,7 +111,7 @@ def _shown(value: Any) -> str:
         text = repr(value)
     except ValueError:
         # Hexadecimal numbers may have more digits than Python writes as decimals.
-        return "a number of thousands of digits"
+        return "a number with thousands of digits"
     return text if len(text) <= MAX_CHARACTERS else f"{text[:MAX_CHARACTERS]} ..."
 
 

@@ -42,7 +42,7 @@ def put_uncertainty(writer: ResultWriter, uncertainty: Uncertainty) -> None:
     for name, spread in uncertainty.spreads.items():
         quantity = spread.quantity
         if quantity is None:
-            raise BadData(f"draws of '{name}' of which it is not declared what they are")
+            raise BadData(f"draws of '{name}', which is not a declared quantity")
         columns = quantity.dims[1]
         labels: Labels = {"time": spread.time, columns: spread.names}
         for bound, values in spread.bounds().items():

@@ -57,7 +57,7 @@ def movie_charts(body: PlayedBody, names: Sequence[str] = ()) -> tuple[Chart, ..
         check_name("curve", name, choices, "these results")
         chart = choices[name]()
         if chart is None:
-            raise BadData(f"curve '{name}': these results do not hold it")
+            raise BadData(f"curve '{name}': these results do not contain it")
         charts.append(_named_by_side(chart))
     return tuple(charts)
 

@@ -111,8 +111,8 @@ class PlayedBody:
         motion = results.kinematics.motion
         if model is None or motion is None or not len(motion):
             raise BadData(
-                f"{results.head.title}: has no motion to show: run 'ik', or a step that begins with"
-                " a motion"
+                f"{results.head.title}: has no motion to show: run 'ik', or a step that takes a"
+                " motion"
             )
         self.results = results
         self.model = model

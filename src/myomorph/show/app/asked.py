@@ -98,7 +98,7 @@ def read_asked(
     """
     trials = tuple(_trial(entry, files) for entry in _list(raw, "trials"))
     if not any(trial.used for trial in trials):
-        raise BadData("no recording is chosen: tick one at least")
+        raise BadData("no recording is selected: tick at least one")
     people: dict[str, AskedPerson] = {}
     of_trials = {trial.person for trial in trials}
     for entry in _list(raw, "people"):
@@ -202,12 +202,12 @@ def _text(entry: Mapping[str, Any], key: str) -> str:
 def _list(raw: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
     given = raw.get(key)
     if not isinstance(given, list) or not all(isinstance(entry, dict) for entry in given):
-        raise BadData(f"'{key}' is no list: load the page again")
+        raise BadData(f"'{key}' is not a list: reload the page")
     return given
 
 
 def _dict(raw: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     given = raw.get(key, {})
     if not isinstance(given, dict):
-        raise BadData(f"'{key}' is no table: load the page again")
+        raise BadData(f"'{key}' is not a table: reload the page")
     return given

@@ -25,7 +25,7 @@ WORDS = {
     "id": "joint torques",
     "muscles": "muscle lengths and lever arms",
     "tension": "muscle forces",
-    "uncertainty": "how far errors reach",
+    "uncertainty": "effects of errors",
     "report": "drawing the pages",
     "tables": "tables of all recordings",
 }

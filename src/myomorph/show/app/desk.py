@@ -22,7 +22,7 @@ from myomorph.show.app.words import in_page_words
 from myomorph.show.app.worker import Event, Worker
 
 Phase = Literal["start", "receiving", "looking", "found", "running", "done"]
-BUSY = "something is being computed: cancel it first, or wait"
+BUSY = "a computation is running: cancel it first, or wait"
 
 
 class Desk:
@@ -143,7 +143,7 @@ class Desk:
         with self._lock:
             self._check_idle()
             if not self._found:
-                raise BadData("nothing was looked at yet: drop recordings first")
+                raise BadData("no recordings yet: drop some first")
             files = {trial["id"]: trial["path"] for trial in self._found["trials"]}
             out = str(typed_path(str(raw.get("out") or self._out)))
             asked = read_asked({**raw, "out": out}, files, self._found["models"])
@@ -264,7 +264,7 @@ class Desk:
 
     def _take_gone(self, event: Event) -> None:
         """Take that the worker ended without having said how it went."""
-        self._take_failed({"text": f"the work ended before its time: {event['why']}"})
+        self._take_failed({"text": f"the computation ended early: {event['why']}"})
 
     def _forget_progress(self) -> None:
         with self._lock:

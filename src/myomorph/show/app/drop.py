@@ -74,7 +74,9 @@ class Drop:
     def _check(self, path: Path, relative: str, length: int) -> None:
         if not path.name.lower().endswith(endings()):
             expected = ", ".join(endings())
-            raise BadFile(relative, "is no recording and belongs to none", f"expected {expected}")
+            raise BadFile(
+                relative, "is not a recording and belongs to none", f"expected {expected}"
+            )
         if path.exists():
             raise BadFile(relative, "came twice", "drop files of different names")
         if len(self.files) >= MAX_FILES:
@@ -112,7 +114,7 @@ def new_drop(folder: Path, sizes: Sequence[int]) -> Drop:
             folder, f"cannot be made ({error.strerror or error})", "give another folder (--out)"
         ) from None
     if total + RESERVE > free:
-        raise BadFile(folder, f"has {free / 1e9:.1f} GB of free space", "make room, or drop less")
+        raise BadFile(folder, f"has {free / 1e9:.1f} GB of free space", "free space, or drop less")
     return Drop(folder=folder)
 
 
@@ -130,6 +132,6 @@ def _copy(stream: IO[bytes], target: IO[bytes], length: int, name: str) -> None:
     while left:
         piece = stream.read(min(CHUNK, left))
         if not piece:
-            raise BadFile(name, "did not come whole", "drop it again")
+            raise BadFile(name, "arrived incomplete", "drop it again")
         target.write(piece)
         left -= len(piece)

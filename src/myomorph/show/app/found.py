@@ -79,7 +79,7 @@ def look_into(folder: Path, begins: Callable[[int, int, str], None]) -> Look:
 
     recordings, unread = looked_at(files, begins=begun)
     if not recordings:
-        why = "; ".join(unread[:3]) or f"{folder}: holds no recording but in folders of results"
+        why = "; ".join(unread[:3]) or f"{folder}: holds recordings only in folders of results"
         raise BadData(why)
     session = session_of(recordings, str(folder))
     return Look(

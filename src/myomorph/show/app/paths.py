@@ -51,7 +51,7 @@ def typed_path(text: str, windows: bool = WINDOWS) -> PurePath:
         plain = os.path.expanduser(plain)
     path: PurePath = PureWindowsPath(plain) if windows else PurePosixPath(plain)
     if not path.is_absolute():
-        raise BadFile(plain, "is no whole path", f"give all of it, as {_example(windows)}")
+        raise BadFile(plain, "is not a full path", f"give all of it, as {_example(windows)}")
     return path
 
 

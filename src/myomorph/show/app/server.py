@@ -201,7 +201,7 @@ class AppHandler(BaseHTTPRequestHandler):
     def _length(self) -> int:
         text = self.headers.get("Content-Length", "")
         if not text.isdigit() or self.headers.get("Transfer-Encoding"):
-            raise BadData("a message must say how long it is")
+            raise BadData("a message must state its length")
         return int(text)
 
     def _message(self) -> dict[str, Any]:
@@ -211,9 +211,9 @@ class AppHandler(BaseHTTPRequestHandler):
         try:
             said = json.loads(self.rfile.read(length) or b"{}")
         except (ValueError, RecursionError):
-            raise BadData("a message is no JSON: load the page again") from None
+            raise BadData("a message is not JSON: reload the page") from None
         if not isinstance(said, dict):
-            raise BadData("a message is no table: load the page again")
+            raise BadData("a message is not a table: reload the page")
         return said
 
     def _send_json(self, values: Mapping[str, Any], status: HTTPStatus = HTTPStatus.OK) -> None:

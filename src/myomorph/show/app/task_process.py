@@ -20,7 +20,7 @@ from myomorph.core.rigid.compile_notices import before_compiling
 from myomorph.lab.cli.failures import failure_of
 from myomorph.show.app.tasks import do
 
-COMPILING = "The computer prepares itself, once: this first time takes some minutes longer."
+COMPILING = "Preparing this computer, once: the first computation takes some minutes longer."
 
 
 def main() -> None:

@@ -54,7 +54,7 @@ def _look(task: LookTask, say: Say) -> None:
 
     look = look_into(task.folder, begins)
     if needs_places(look):
-        say("note", text="Working out where the markers sit")
+        say("note", text="Finding the positions of the markers")
     say("found", found=found_session(look), out=str(results_folder(look)))
 
 

@@ -125,7 +125,7 @@ def _warnings(morph: Morph, checks: MorphChecks, longest: float) -> list[Finding
         Finding(
             "fold",
             m,
-            ATTACHMENTS.message(f"{m}: the map of {body} turns space inside out at {p}"),
+            ATTACHMENTS.message(f"{m}: the map of {body} inverts space at {p}"),
         )
         for m, p, body in checks.folded
     )
@@ -195,13 +195,12 @@ def _solids(morph: Morph, notes: list[str]) -> tuple[dict[str, Solid], dict[str,
             turned = solid[bone.body].turned
             if solid[bone.body].open:
                 notes.append(
-                    f"{name}: the {whose}'s bone is open, what is inside of it is told by winding"
+                    f"{name}: the {whose}'s bone is open, its inside is determined by winding"
                     " numbers"
                 )
             if turned > 0.5:
                 notes.append(
-                    f"{name}: the {whose}'s bone looks inward; its faces were turned to tell what"
-                    " is inside"
+                    f"{name}: the {whose}'s bone looks inward; its faces were turned outward"
                 )
             elif turned > 0.05:
                 notes.append(
@@ -210,7 +209,8 @@ def _solids(morph: Morph, notes: list[str]) -> tuple[dict[str, Solid], dict[str,
                 )
     if lacking:
         notes.append(
-            f"paths are not held against {', '.join(lacking)}: no bones of both source and target"
+            f"paths are not checked against {', '.join(lacking)}: no bones of both source and"
+            " target"
             " are known"
         )
     return ours, theirs

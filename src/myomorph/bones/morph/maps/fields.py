@@ -230,7 +230,8 @@ def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
     merged = _merged(features)
     if len(merged) < len(features):
         warnings.append(
-            f"{len(features) - len(merged)} of {len(features)} feature points share a place: joined"
+            f"{len(features) - len(merged)} of {len(features)} feature points have the same"
+            " position: merged"
         )
     if len(merged) == 4:
         warnings.append(
@@ -239,7 +240,7 @@ def feature_warnings(features: FeaturePoints) -> tuple[str, ...]:
     if len(unknown_directions(merged.source)):
         warnings.append(
             f"the {len(merged)} feature points lie in a plane: across it the bone is scaled as"
-            " along it; pick one beside it"
+            " along it; pick one out of this plane"
         )
     return tuple(warnings)
 

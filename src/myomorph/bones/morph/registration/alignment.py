@@ -95,7 +95,7 @@ class Alignment:
                         "the bone fits nearly as well turned by"
                         f" {turn_between(other, self.similarity):.0f} degrees"
                         f" ({distance / max(self.distance, EXACT):.2f} times the distance):"
-                        " landmarks would tell how it lies"
+                        " landmarks would determine its orientation"
                     ),
                 )
         return ()

@@ -93,8 +93,8 @@ def _fitted(body: str, landmarks: FeaturePoints, notes: list[str]) -> Similarity
     if len(landmarks) > 3 and points.rms > 0.01 * spread and mirrored < MIRRORED * points.rms:
         raise BadData(
             f"the landmarks of '{body}' fit within {mm(mirrored)} instead of {mm(points.rms)} when"
-            " mirrored: are they of the other side? Give those of this side, or say that the bone"
-            " is to be mirrored"
+            " mirrored: are they of the other side? Give those of this side, or specify that the"
+            " bone is mirrored"
         )
     left = f"{mm(points.rms)} remain of a spread of {mm(spread)}"
     if points.rms > NOT_ALIKE * spread:
@@ -298,7 +298,8 @@ def check_bone(
     if residual > UNLIKE:
         notes.append(
             f"the bone of '{body}' is of another shape than the source's: {100 * residual:.0f} % of"
-            " its length remain after turning, moving and sizing; is it another bone, or several?"
+            " its length remain after rotation, translation and scaling; is it another bone, or"
+            " several?"
         )
     middle = Shape(source).samples(POINTS).points.mean(axis=0)
     away = float(np.linalg.norm(whole.apply(middle) - whole.scale * middle))
@@ -306,8 +307,8 @@ def check_bone(
     if angle > TURNED or away > AWAY * bone_length(target):
         notes.append(
             f"the bone of '{body}' lies turned by {angle:.0f} degrees and {away:.2g} m from where"
-            " the source's lies in its body's frame, as in a scanner's: the body takes over the"
-            " frame of the file"
+            " the source's lies in its body's frame, as in a scanner's: the body gets the frame of"
+            " the file"
         )
     return notes
 
@@ -327,7 +328,7 @@ def check_units(lengths: Sequence[tuple[float, float]]) -> None:
     if not 1.0 / LIKE < ratio < LIKE and 1.0 / LIKE < ratio / factor < LIKE:
         raise BadData(
             f"the bones are {ratio:.3g} times as long as the source's (median of {len(lengths)}),"
-            f" as if in {unit}: divide their coordinates by {factor:.4g} to give meters, or tell"
+            f" as if in {unit}: divide their coordinates by {factor:.4g} to give meters, or state"
             " the files' unit (--unit)"
         )
 
@@ -346,7 +347,8 @@ def check_exchange(body: str, target: Surface, bones: Mapping[str, Surface]) -> 
     if left.get(best, np.inf) < EXCHANGED * left.get(body, 0.0):
         raise BadData(
             f"the bone of '{body}' looks like the source's '{best}', which leaves {mm(left[best])}"
-            f" after turning, moving and sizing, where '{body}' leaves {mm(left[body])}: were two"
+            f" after rotation, translation and scaling, where '{body}' leaves {mm(left[body])}:"
+            " were two"
             " files exchanged?"
         )
 
@@ -377,7 +379,7 @@ def repaired_bone(surface: Surface, what: str, notes: list[str]) -> Surface:
     count = int(np.sum(np.einsum("ij,ij->i", *before_and_after) < 0.0))
     if count:
         how = "all triangles" if count == len(faces) else f"{count} of {len(faces)} triangles"
-        notes.append(f"{what}: {how} looked inward and were turned outward")
+        notes.append(f"{what}: {how} pointed inward and were turned outward")
     border = border_of(faces)
     if len(border):
         around = float(
@@ -395,15 +397,13 @@ def repaired_bone(surface: Surface, what: str, notes: list[str]) -> Surface:
 def _welded(surface: Surface, what: str, notes: list[str]) -> tuple[Array, np.ndarray]:
     size = float(np.ptp(surface.vertices, axis=0).max())
     if not size > 0.0:
-        raise BadData(f"{what} has no extent: all its vertices are in one place")
+        raise BadData(f"{what} has no extent: all its vertices coincide")
     rounded = np.round(surface.vertices / (SAME * size))
     _, first, same = np.unique(rounded, axis=0, return_index=True, return_inverse=True)
     vertices = surface.vertices
     faces = surface.faces
     if len(first) < len(vertices):
-        notes.append(
-            f"{what}: {len(vertices) - len(first)} vertices that lie on others became one with them"
-        )
+        notes.append(f"{what}: {len(vertices) - len(first)} duplicate vertices were merged")
         order = np.argsort(first)
         vertices = vertices[first[order]]
         faces = np.argsort(order)[same.reshape(-1)][faces]
@@ -467,7 +467,7 @@ def _check_size(body: str, target: Surface, source: Surface | None) -> None:
     unit, factor = min(UNITS, key=lambda unit: abs(np.log(length / unit[1] / expected)))
     if 1.0 / LIKE < length / factor / expected < LIKE:
         remedy = (
-            f"as if in {unit}: divide coordinates by {factor:g} to give meters, or tell the unit"
+            f"as if in {unit}: divide coordinates by {factor:g} to give meters, or state the unit"
             " (--unit)"
         )
     else:

@@ -182,9 +182,7 @@ def _inside_out(mapping: PointMap, points: Array, notes: list[str]) -> float:
     """Return the share of points (n, 3) [m] at which a map turns space inside out, with a note."""
     share = float(np.mean(inverted(mapping, points)))
     if share > 0:
-        notes.append(
-            f"the map turns space inside out at {100 * share:.1f} % of the bone's vertices"
-        )
+        notes.append(f"the map inverts space at {100 * share:.1f} % of the bone's vertices")
     return share
 
 
@@ -216,7 +214,7 @@ def _check_side(body: str, placed: PlacedBone, notes: list[str]) -> None:
         return
     text = (
         f"the bone of '{body}' is nearer to the mirrored bone of the source ({placed.mirrored:.2f}"
-        " times the distance): is it one of the other side?"
+        " times the distance): is it of the other side?"
     )
     if placed.mirrored < WRONG_SIDE:
         raise BadData(f"{text} Give the bone of this side, or mirror the model first")

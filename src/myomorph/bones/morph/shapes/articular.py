@@ -278,7 +278,7 @@ def warning_of(fit: SphereFit | CylinderFit) -> str:
     if fit.count < MIN_COUNT:
         return f"only {fit.count} vertices of the surface are on it"
     if isinstance(fit, SphereFit) and fit.bent < BENT:
-        return "the surface bends one way more than the other, as a shaft does"
+        return "the surface is more curved in one direction than in the other, as a shaft is"
     if fit.coverage < (COVERED if isinstance(fit, SphereFit) else TURNED):
         return f"only {100 * fit.coverage:.0f} % of the round is there"
     if fit.deviation > UNSURE * fit.radius:

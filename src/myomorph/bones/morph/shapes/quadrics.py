@@ -127,7 +127,9 @@ def fit_cylinder(
     starts = (_circle_start, partial(_normals_start, np.asarray(normals, dtype=np.float64)))
     found = [fit for start in starts if (fit := _cylinder_from(x, share, first, start))]
     if not found:
-        raise BadData("the points do not determine a cylinder: give more of its turn")
+        raise BadData(
+            "the points do not determine a cylinder: give points over more of its circumference"
+        )
     best = min(found, key=lambda fit: fit.rms)
     if found[0].rms < (1.0 + SAME) * best.rms:
         best = found[0]
@@ -260,7 +262,7 @@ def _scaled(
     middle = share @ x
     size = float(np.sqrt(share @ np.sum((x - middle) ** 2, axis=1)))
     if not size > 1e-9 * np.abs(x).max():
-        raise BadData(f"a {what} needs points that are apart")
+        raise BadData(f"a {what} needs distinct points")
     return (x - middle) / size, share, middle, size
 
 

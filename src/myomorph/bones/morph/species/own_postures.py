@@ -109,7 +109,7 @@ def _notes(growths: Mapping[str, Growth], too_long: Sequence[str]) -> Iterator[s
     if too_long:
         yield (
             f"no fiber within a factor of {MAX_CHANGE:g} suits the animal's own postures, left as"
-            f" they are; a path that jumps does this: {quoted(too_long)}"
+            f" they are; a jumping path may cause this: {quoted(too_long)}"
         )
 
 

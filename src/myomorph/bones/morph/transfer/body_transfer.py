@@ -214,7 +214,7 @@ def nearest_rotation(matrix: Array) -> Array:
 def scaled_map(body: str, size: float) -> AffineMap:
     """Return the map of a body that keeps its frame and changes its size."""
     if not (np.isfinite(size) and size > 0.0):
-        raise BadData(f"the size of '{body}' would be {size}: its neighbors' maps are no good")
+        raise BadData(f"the size of '{body}' would be {size}: its neighbors' maps are not usable")
     return AffineMap(size * np.eye(3), np.zeros(3))
 
 

@@ -477,8 +477,7 @@ def _translated(
     notes = []
     if frozen:
         notes.append(
-            "points stand still that follow coordinates which the target does not have:"
-            f" {quoted(frozen)}"
+            f"points that depend on coordinates missing in the target are fixed: {quoted(frozen)}"
         )
     if straight:
         notes.append(

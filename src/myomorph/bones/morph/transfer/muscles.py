@@ -172,11 +172,12 @@ def _unsure(doubtful: Sequence[str], slack: Sequence[str]) -> list[str]:
     notes = []
     if doubtful:
         notes.append(
-            f"paths do not tell fiber from tendon, both grow with the path: {quoted(doubtful)}"
+            "paths do not distinguish fiber from tendon, both scale with the path:"
+            f" {quoted(doubtful)}"
         )
     if slack:
         notes.append(
-            "paths are shorter than the fibers of the species' tables: no tendon is left:"
+            "paths are shorter than the fibers of the species' tables: without a tendon:"
             f" {quoted(slack)}"
         )
     return notes

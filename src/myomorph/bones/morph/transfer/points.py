@@ -294,8 +294,8 @@ def _point(
         isinstance(f, SineProduct) for f in point.functions
     ):
         notes.append(
-            f"{user}: moving point '{point.name}' follows several coordinates: stretched, but not"
-            " turned"
+            f"{user}: moving point '{point.name}' follows several coordinates: scaled, but not"
+            " rotated"
         )
         matrix = np.diag(np.linalg.norm(matrix, axis=0))
     functions = [
@@ -432,7 +432,7 @@ def uncertain_notes(points: Iterable[TransferredPoint], transfers: Transfers) ->
         places = ", ".join(f"'{item.owner}' ({item.name})" for item in asked[:ASKED])
         notes.append(
             f"{len(unsure)} of {len(here)} points on '{body}' may belong up to"
-            f" {mm(unsure[0].within)} away along the bone (90 %): landmarks where these attach"
-            f" would tell: {places}"
+            f" {mm(unsure[0].within)} away along the bone (90 %): landmarks at these attachments"
+            f" would determine them: {places}"
         )
     return notes

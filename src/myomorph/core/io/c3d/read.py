@@ -118,7 +118,7 @@ def _meters(raw: RawC3d, notes: list[Message]) -> float:
         # Without points only plates, or segments that stand in a laboratory, have a size.
         unit = unit_of_plates(raw) or ("mm" if raw.rotations.size else "m")
     notes.append(
-        UNITS.message(f"the file names no unit of length that is known ('{text}'): taken as {unit}")
+        UNITS.message(f"the file states no known unit of length ('{text}'): taken as {unit}")
     )
     return LENGTH_UNITS[unit]
 

@@ -199,8 +199,8 @@ def _rate_unit(largest: float, notes: list[Message]) -> str:
     if largest < MIN_DEGREES:
         notes.append(
             UNITS.message(
-                f"speeds of rotation reach {largest:.0f}: it is unsure whether they are rad/s or"
-                " deg/s"
+                f"speeds of rotation reach {largest:.0f}: whether they are in rad/s or deg/s is not"
+                " certain"
             )
         )
     return "deg/s"

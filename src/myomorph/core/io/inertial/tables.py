@@ -63,7 +63,7 @@ def read_orientations(path: Path) -> InertialSensors:
     if off > 0:
         notes.append(
             SENSORS.message(
-                f"{off} quaternions are not of length 1: made so, those near 0 left out"
+                f"{off} quaternions are not of length 1: normalized, those near 0 left out"
             )
         )
     return InertialSensors(table.time, names, quaternions, warnings=tuple(notes), source=str(path))

@@ -208,7 +208,8 @@ def _wrap_object(node: Node, body: str, frame: Transform) -> WrapObject:
     pose = frame @ node.pose("xyz_body_rotation", "translation")
     if node.kind not in WRAPS:
         raise BadModel(
-            f"{node.document.path}: wrap object '{node.name}' is a {node.kind}, which is not built"
+            f"{node.document.path}: wrap object '{node.name}' is a {node.kind}, which is not"
+            " supported"
         )
     kind, tags = WRAPS[node.kind]
     if kind == "ellipsoid":

@@ -66,8 +66,8 @@ def read_function(node: Node, user: Node) -> Function:
         return read_function(inner, user).scaled(node.number("scale", 1.0))
     owner = f"{user.kind} '{user.name}'" if user.name else user.kind
     raise BadModel(
-        f"{node.document.path}: {owner} uses a {node.kind}, which is not built: {', '.join(KNOWN)}"
-        " are"
+        f"{node.document.path}: {owner} uses a {node.kind}, which is not supported:"
+        f" {', '.join(KNOWN)} are"
     )
 
 
@@ -193,7 +193,7 @@ def _gcv_spline(node: Node, x: Array, y: Array) -> PiecewisePolynomial:
     if node.number("error_variance", 0.0) != 0.0:
         raise node.bad(
             "smooths with an error variance",
-            "only interpolating splines (error_variance 0) are built",
+            "only interpolating splines (error_variance 0) are supported",
         )
     if half < 1 or len(x) < 2 * half:
         raise node.bad(

@@ -175,7 +175,7 @@ def read_muscle(node: Node, paths: PathReader, groups: tuple[str, ...]) -> Muscl
     if node.kind not in DEFAULTS:
         known = ", ".join(DEFAULTS)
         raise BadModel(
-            f"{node.document.path}: muscle '{node.name}' is a {node.kind}, which is not built:"
+            f"{node.document.path}: muscle '{node.name}' is a {node.kind}, which is not supported:"
             f" {known} are"
         )
     low = node.number("min_control", DEFAULTS[node.kind], infinite=True)

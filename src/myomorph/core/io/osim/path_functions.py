@@ -98,7 +98,8 @@ def _function(node: Node, owner: Node, count: int) -> Polynomial | Function:
     if count != 1:
         raise BadModel(
             f"{node.document.path}: the path of '{owner.name}' uses a {node.kind} of {count}"
-            " coordinates, which is not built: MultivariatePolynomialFunction, LinearFunction and"
+            " coordinates, which is not supported: MultivariatePolynomialFunction, LinearFunction"
+            " and"
             " Constant are"
         )
     function = read_function(node, owner)

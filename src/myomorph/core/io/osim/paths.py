@@ -124,8 +124,8 @@ class PathReader:
         """
         if not np.array_equal(pose.rotation, np.eye(3)):
             raise BadModel(
-                f"{node.document.path}: moving path point '{node.name}' is in a turned frame: not"
-                " built"
+                f"{node.document.path}: moving path point '{node.name}' is in a rotated frame,"
+                " which is not supported"
             )
         functions: list[Function] = []
         coordinates: list[str] = []

@@ -105,7 +105,8 @@ def _renamed(model: Model) -> list[Message]:
         return []
     return [
         MODEL.message(
-            f"blanks and signs in {len(changed)} names ({quoted(changed, 3)}) are written as '_',"
+            f"blanks and special characters in {len(changed)} names ({quoted(changed, 3)}) are"
+            " written as '_',"
             " as OpenSim wants"
         )
     ]

@@ -193,8 +193,8 @@ def _chain(joint: Joint, plan: Plan, warnings: list[Message]) -> None:
     if any(_is_of_two(axis) for axis in joint.axes):
         warnings.append(
             MODEL.message(
-                f"joint '{joint.name}': an axis of two coordinates cannot be written, and stands"
-                " still",
+                f"joint '{joint.name}': an axis of two coordinates cannot be written, and does not"
+                " move",
                 gravity="may change results",
             )
         )

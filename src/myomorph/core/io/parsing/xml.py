@@ -78,7 +78,7 @@ def read_xml(path: str | os.PathLike[str]) -> XmlFile:
     return XmlFile(
         root,
         path,
-        (READING.message(f"not well-formed XML ({_said(problem)}): that was overlooked"),),
+        (READING.message(f"not well-formed XML ({_said(problem)}): ignored"),),
     )
 
 

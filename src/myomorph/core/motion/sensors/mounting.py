@@ -433,7 +433,7 @@ def _of_gaps(steps: Array, gaps: int, limit: float) -> Message:
     if longest > limit:
         text = (
             f"the clock of the sensors has {gaps} gaps of up to {longest:.1f} s: no angles there,"
-            " and headings after them are known less well"
+            " and headings after them are less certain"
         )
     return SENSORS.message(text)
 

@@ -139,11 +139,11 @@ class ElasticProblem(TensionProblem):
             if not rows.on_forces and np.isin(rows.column, elastic).any():
                 raise BadData(
                     f"term '{rows.names[0]}' has rows on activations, which elastic tendons do not"
-                    " take yet"
+                    " support yet"
                 )
         if not len(elastic):
             raise BadData(
-                "no muscle has an elastic tendon that its fibers can reach: take rigid tendons"
+                "no muscle has an elastic tendon that its fibers can reach: use rigid tendons"
             )
 
     def _measure(self, start: int, stop: int) -> None:

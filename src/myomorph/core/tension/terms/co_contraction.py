@@ -147,10 +147,12 @@ def _turned_both_ways(model: Model, arms: Array, coordinates: Sequence[str]) -> 
     if coordinates and len(turned) < len(wanted):
         missing = next(model.coordinate_names[index] for index in wanted if index not in turned)
         raise BadData(
-            f"muscles do not turn '{missing}' both ways: there is no co-contraction of it"
+            f"muscles do not act on '{missing}' in both directions: there is no co-contraction of"
+            " it"
         )
     if not turned:
         raise BadData(
-            f"muscles of model '{model.name}' turn no joint both ways: there is no co-contraction"
+            f"muscles of model '{model.name}' act on no joint in both directions: there is no"
+            " co-contraction"
         )
     return turned

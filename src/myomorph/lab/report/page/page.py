@@ -127,7 +127,7 @@ def _checks_note(verdicts: Sequence[Verdict], judged: int, over: int) -> str:
         return f"{judged}, all passed"
     failed = [verdict for verdict in verdicts if verdict.state == "over" and verdict.limit]
     worst = max(failed, key=lambda verdict: verdict.value / (verdict.limit or 1.0), default=None)
-    counts = f"{judged}, {over} need a look"
+    counts = f"{judged}, {over} to be checked"
     if worst is None or worst.limit is None:
         return counts
     times = number(worst.value / worst.limit, 1.0)

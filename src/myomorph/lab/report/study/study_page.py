@@ -186,7 +186,7 @@ def _causes(study: StudyInput) -> list[Section]:
     )
     if not rows:
         return []
-    head = ("What it does", "Cause", "Trials", "Largest, as written", "Effect, and what to do")
+    head = ("Effect", "Cause", "Trials", "Largest, as written", "Effect, and what to do")
     lead = "Each trial's page has where and how much; messages.csv has every message."
     return [Section("causes", "Warnings by cause", lead, grids=(Grid(head, rows),))]
 

@@ -298,7 +298,7 @@ def _lead(analysis: MotionAnalysis, graph: bool) -> str:
             dict.fromkeys(name for person in analysis.persons for name in person.lacking)
         )
         if lacking:
-            lines.append(f"The model lacks: {'; '.join(lacking)}.")
+            lines.append(f"Missing in the model: {'; '.join(lacking)}.")
     if not analysis.chosen:
         lines.append(f"The preset “{analysis.preset.name}” was chosen automatically.")
     return " ".join(line for line in lines if line)

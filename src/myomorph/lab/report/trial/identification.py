@@ -209,9 +209,9 @@ def evidence_sentence(identification: Identification) -> str:
     named = [name for name, word in evidence.items() if word != "not shown"]
     others = len(evidence) - len(named)
     if not named:
-        return f"Another mass than the shape's is not shown for any of {others} links."
+        return f"The data identify no other mass than the shape's for any of {others} links."
     return (
-        f"Another mass than the shape's is shown for {', '.join(named)}, and not for the"
+        f"The data identify another mass than the shape's for {', '.join(named)}, and not for the"
         f" {others} other links."
     )
 
@@ -234,8 +234,8 @@ def segment_section(identification: Identification) -> list[Section]:
     )
     links = tuple((segment, ", ".join(bodies)) for segment, bodies in members.items())
     lead = (
-        "Percent of the body's mass, limbs of the right side, as table 3.4 of [D] sets it out"
-        " beside Japanese male athletes. That table prints 45.9 for the athletes' body; its two"
+        "Percent of the body's mass, limbs of the right side, as in table 3.4 of [D], compared with"
+        " Japanese male athletes. That table prints 45.9 for the athletes' body; its two"
         " parts sum to 48.9, and only with 48.9 do all segments sum to 100."
     )
     present = {segment.name for segment in segments.values()}

@@ -247,7 +247,7 @@ def _lead(prepared: Prepared, found: JointLoads) -> str:
         )
     if any(load.statics is not None for load in found.loads):
         text += (
-            " Dashed: least and greatest force that the joint's torque asks for, over published"
+            " Dashed: least and greatest force that the joint's torque requires, with published"
             " moment arms, without opposing muscles and those of two joints, which add to it."
         )
     if any(load.interval is not None for load in found.loads):

@@ -211,13 +211,14 @@ def emg_conflict_section(prepared: Prepared) -> Section | None:
     reserves = [conflict for conflict in conflicts if conflict.coordinate]
     lead = (
         f"Where the joint torques need an activation that is more than {APART:g} from the muscle's"
-        f" EMG, or leave more than {BORNE:.0%} of a joint's largest torque to a reserve: gains, the"
+        f" EMG, or leave more than {BORNE:.0%} of a joint's largest torque to a reserve actuator:"
+        " gains, the"
         " model's moment arms or the torques are wrong there, or the EMG is."
     )
     if not conflicts:
         lead = (
-            "EMG and joint torques are consistent: no muscle departs from its EMG, and no reserve"
-            " makes up for it."
+            "EMG and joint torques are consistent: no muscle deviates from its EMG, and no reserve"
+            " replaces it."
         )
     grids = tuple(
         Grid(head, tuple(map(_conflict_row, rows)), title, folded=len(rows) > SHOWN)
@@ -356,8 +357,8 @@ def fiber_section(prepared: Prepared) -> Section | None:
     )
     lead = (
         "Fibers and tendons as elastic tendons let them move. A tendon's power is positive where it"
-        " gives back what it stored. Thin lines: frames near an end, where what came before or"
-        " comes after can be felt."
+        " gives back what it stored. Thin lines: frames near an end, where the unknown past or"
+        " future still has an effect."
     )
     certificate = fibers.certificate
     lead += f" Optimality conditions hold within {number(certificate.residual)}"

@@ -157,7 +157,8 @@ def personal_lines(personalized: Personalized) -> list[str]:
         )
     elif personalized.recordings:
         lines.append(
-            "nothing was held out: whether these muscles are better than generic ones is not known"
+            "no recording was held out: whether these muscles are better than generic ones is"
+            " unknown"
         )
     further = (_torque_line(personalized), _parameter_line(personalized), _fiber_line(personalized))
     return [*lines, *(line for line in further if line)]
@@ -189,7 +190,7 @@ def _parameter_line(personalized: Personalized) -> str:
     if bound:
         ends = f"{len(bound)} at a physiological limit ({few(bound, 2)})"
     told = (
-        f"{counts['yes']} identifiable, {counts['partly']} partly, {counts['no']} as assumed before"
+        f"{counts['yes']} identifiable, {counts['partly']} partly, {counts['no']} as in the prior"
     )
     return f"of {len(personalized.estimates)} parameters {told}; {ends}"
 

@@ -172,7 +172,7 @@ def _residuals(prepared: Prepared) -> tuple[list[str], str]:
         prepared.events,
     )
     return charts, (
-        "Residuals are the forces at the model's root that the motion would need beside the"
+        "Residuals are the forces at the model's root that the motion would need besides the"
         " measured ones."
     )
 

@@ -104,7 +104,7 @@ def dynamics_line(model: Model, motion: Motion, torques: Series, wrenches: Wrenc
         )
     text = f"largest residual {parts[0]}, {parts[1]}"
     if wrenches is None or not len(wrenches.names):
-        return f"{text}: without external forces they carry the body"
+        return f"{text}: without external forces they support the body"
     verdict = residual_verdict(model, motion, torques, wrenches)
     return f"{text}: {verdict}" if verdict else text
 
@@ -417,7 +417,7 @@ def _jumps(model: Model, time: Array, lengths: Array, velocities: Array) -> str:
     from myomorph.core.muscles.path_jumps import path_jumps
 
     if len(time) < 3:
-        return "too few frames to see jumps"
+        return "too few frames to find jumps"
     jumps = path_jumps(time, lengths, velocities)
     if not jumps.any():
         return "no path jumps"

@@ -266,7 +266,7 @@ def _support(wrenches: Wrenches, time: float, weight: float, residual: float) ->
     carried = float(np.linalg.norm(np.nan_to_num(wrenches.forces[near]).sum(axis=0)))
     if weight <= 0.0 or carried > 0.5 * weight or residual < 0.3 * weight:
         return ""
-    advice = "a step beside the plates? Choose a time range that the plates cover"
+    advice = "was there a step beside the plates? Choose a time range that the plates cover"
     return f"; the measured forces carry {100 * carried / weight:.0f} % of the body then: {advice}"
 
 
@@ -374,7 +374,7 @@ def reserve_verdicts(
         if not worst.own:
             unit = f"% of {worst.scale:.3g} {size}"
             detail += (
-                f", which is negligible: held against {100 * NEGLIGIBLE:g} % of the largest joint"
+                f", which is negligible: compared with {100 * NEGLIGIBLE:g} % of the largest joint"
                 " torque"
             )
         rows.append(

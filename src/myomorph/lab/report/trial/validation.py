@@ -334,9 +334,9 @@ def uncertainty_section(prepared: Prepared) -> Section | None:
     if uncertainty.sizes:
         grids.append(_size_grid(uncertainty.sizes))
     lead = (
-        f"{uncertainty.draws - uncertainty.failed} of {uncertainty.draws} inputs, drawn with errors"
-        f" of sizes that were stated or that are usual, have a solution; {uncertainty.summary}."
-        " They are as right as these sizes are. Of each table the columns with the widest limits"
+        f"{uncertainty.draws - uncertainty.failed} of {uncertainty.draws} inputs, drawn with stated"
+        f" or usual error sizes, have a solution; {uncertainty.summary}."
+        " They are as accurate as these sizes. Of each table the columns with the widest limits"
         " are shown; uncertainty.csv has all."
     )
     return Section(

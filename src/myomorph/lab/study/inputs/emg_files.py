@@ -111,7 +111,7 @@ def open_emg(files: EmgFiles, model: Model, options: EnvelopeOptions | None = No
         if path.suffix.lower() == ".c3d":
             if not muscles:
                 raise BadFile(
-                    path, "has no analog channel that tells a muscle", "name them in emg_muscles"
+                    path, "has no analog channel named as a muscle", "name them in emg_muscles"
                 )
             channels = _picked(channels, tuple(muscles))
         if _is_raw(channels):
@@ -321,7 +321,7 @@ def _largest_of(reference: Sequence[Path], channel: str) -> float:
     if not largest_found > 0.0:
         raise BadFile(
             reference[0],
-            f"has nothing on channel '{channel}'",
+            f"has no values of channel '{channel}'",
             "leave it out, or give another recording",
         )
     return largest_found

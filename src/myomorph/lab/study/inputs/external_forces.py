@@ -407,7 +407,7 @@ def on_clock(wrenches: Wrenches, time: Array, repair: bool = True) -> Wrenches:
         )
     done = f"moved by {shift:.4g} s" if repair else f"not moved; --force-shift {shift:.4g} does"
     text = CLOCKS.message(
-        f"{spans}: both last equally long, so their clocks begin at different zeros: {done}",
+        f"{spans}: both last equally long, so their clocks have different zeros: {done}",
         size=1e3 * abs(shift),
     )
     moved = replace(wrenches, time=wrenches.time + shift) if repair else wrenches

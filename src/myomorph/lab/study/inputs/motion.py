@@ -41,7 +41,7 @@ def _open(settings: MotionFile, opening: Opening) -> Opened:
     if lacking:
         warnings = (
             *warnings,
-            UNSEEN.message(f"{path.name}: lacks {', '.join(lacking)}: they rest at their defaults"),
+            UNSEEN.message(f"{path.name}: lacks {', '.join(lacking)}: they stay at their defaults"),
         )
     return Opened(
         values=(RecordedMotion(recorded),),

@@ -80,7 +80,8 @@ def nearest_feet(
     feet = feet_of(model)
     if not feet:
         raise BadData(
-            f"no body of model '{model.name}' is called a foot: name the bodies that forces act on:"
+            f"no body of model '{model.name}' is named as a foot: name the bodies that forces act"
+            " on:"
             " those of a table as prefix=body (--bodies), those of plates in order (--plates)"
         )
     inside = (wrenches.time >= motion.time[0]) & (wrenches.time <= motion.time[-1])
@@ -135,7 +136,7 @@ def _carried(wrenches: Wrenches, warnings: Sequence[Message]) -> Wrenches:
     findings = wrenches.findings
     if idle:
         text = PLATES.message(
-            f"nobody steps on {idle} during the motion: left out", gravity="good to know"
+            f"{idle} not loaded during the motion: left out", gravity="good to know"
         )
         findings = (*findings, Finding("idle plate", idle, text, repaired=True))
         warnings = (*warnings, text)

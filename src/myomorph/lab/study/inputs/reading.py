@@ -140,7 +140,7 @@ def renamed(series: Named, labels: Mapping[str, str]) -> Named:
             same = " and ".join(
                 repr(old) for old, new in zip(series.names, names, strict=True) if new == name
             )
-            raise BadData(f"{same} would both be called '{name}'")
+            raise BadData(f"{same} would both be named '{name}'")
     return replace(series, names=names)
 
 
@@ -157,7 +157,7 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     """Turn the trial to the model's ground frame, and check its markers against the model's size.
 
     A C3D file in which a standing body is tallest along z, or whose plates lie level with z, and a
-    Qualisys export, whose z points up by custom, are turned to the model's vertical, with a
+    Qualisys export, whose z points up by convention, are turned to the model's vertical, with a
     warning. Nothing is turned where a standing body is tallest along y.
     """
     trial = _with_legal_labels(trial, model)
@@ -176,7 +176,7 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
         others = [name for name in markers.names if name not in shared]
         warning = LABELS.message(
             f"{len(shared)} of the model's {len(model.markers)} markers were recorded, and"
-            f" {len(others)} labels are none of its markers ({quoted(others, 3)}): are these its"
+            f" {len(others)} labels are not among its markers ({quoted(others, 3)}): are these its"
             " markers under other names (--labels)?"
         )
         trial = replace(trial, warnings=(*trial.warnings, warning))
@@ -193,7 +193,7 @@ def fitted_to(model: Model, trial: Trial) -> Trial:
     why = _why_z_is_up(model, trial, own, recorded)
     if not why:
         return trial
-    warning = READING.message(f"{why}: the recording was turned to the model's y axis")
+    warning = READING.message(f"{why}: the recording was rotated to the model's y axis")
     return replace(trial.rotated(Z_UP_TO_Y_UP), warnings=(*trial.warnings, warning))
 
 
@@ -260,7 +260,7 @@ def _why_z_is_up(model: Model, trial: Trial, own: Array, recorded: Array) -> str
         if extent[1] > 1.3 * extent[2]:
             return ""
     if ending == ".mat":
-        return "the z axis of a Qualisys export points up by custom"
+        return "the z axis of a Qualisys export points up by convention"
     return "the plates lie level with z" if trial.plates and all(map(faces_z, trial.plates)) else ""
 
 
@@ -436,7 +436,7 @@ def cut_warning(time: tuple[float, float] | None, series: Series) -> tuple[Messa
     if time[0] > first - 1.5 * step and time[1] < last + 1.5 * step:
         return ()
     used = f"{max(time[0], first):.4g} to {min(time[1], last):.4g} s"
-    asked = f"time {time[0]:g} to {time[1]:g} s was asked for"
+    asked = f"time {time[0]:g} to {time[1]:g} s was requested"
     return (
         SETTINGS.message(f"{asked}, but it runs from {first:.4g} to {last:.4g} s: {used} are used"),
     )

@@ -37,7 +37,7 @@ class Day(KeyKind):
         try:
             return date.fromisoformat(str(day)).isoformat() if str(day) else ""
         except ValueError:
-            place.problem(key, f"'{given}' is no day: expected year-month-day, as 2026-03-05")
+            place.problem(key, f"'{given}' is not a date: expected year-month-day, as 2026-03-05")
             return ""
 
 

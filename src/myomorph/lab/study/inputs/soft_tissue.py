@@ -58,7 +58,7 @@ def _open(settings: SoftTissueFile, opening: Opening) -> Opened:
     # The table is empty where markers move as the mass does.
     if path is None or not (tissue := read_soft_tissue(path)).names:
         return Opened()
-    assumed = f"Forces are of the motion without soft tissue, as {path.name} says it"
+    assumed = f"Forces are of the motion without soft tissue, by {path.name}"
     return Opened((tissue,), (file_source("soft tissue", path),), assumed=(assumed,))
 
 

@@ -134,15 +134,15 @@ def _open(settings: TorquesFile, opening: Opening) -> Opened:
         return Opened()
     reactions = opening.options[TensionTables].reactions != "none"
     excluded = {
-        "loads: the torques already hold what the external forces do; give one of them": (
+        "loads: the torques already contain the external forces; give one of them": (
             others.or_default(LoadsFile).loads
         ),
-        "contacts: forces of contacts are found with inverse dynamics, so leave the torques out": (
+        "contacts: contact forces are estimated with inverse dynamics, so leave the torques out": (
             others.or_default(ContactsFile).estimated
         ),
         (
-            "joint reactions or contact points: loads of joints need the external forces, so give"
-            " loads instead"
+            "joint reactions or contact points: joint loads need the external forces, so give loads"
+            " instead"
         ): (reactions or others.or_default(ContactPointsFile).contact_points),
     }
     for what, value in excluded.items():

@@ -29,7 +29,7 @@ class Exclusions:
                     " both"
                 )
             if not table.reason.strip():
-                problems.append(f"exclude.{number}: its reason is empty: say why")
+                problems.append(f"exclude.{number}: its reason is empty: give one")
 
     def leaves_out(self, subject: str, trial: str = "") -> bool:
         """Whether a trial is left out, or a subject with all its trials."""

@@ -88,7 +88,7 @@ def read_measures(path: Path, problems: list[str], remarks: list[str]) -> dict[s
         if measures is None:
             continue
         if measures.subject in result:
-            problems.append(f"{where}, line {number}: subject '{measures.subject}' is there twice")
+            problems.append(f"{where}, line {number}: subject '{measures.subject}' is given twice")
         else:
             result[measures.subject] = measures
     return result
@@ -194,7 +194,7 @@ def _factor(name: str, unit: str, where: str, problems: list[str]) -> float:
     units = UNITS.get(name, {})
     if unit.lower() not in units:
         problems.append(
-            f"{where}: '{unit}' is no unit of {name}: there are {listing(unit, tuple(units))}"
+            f"{where}: '{unit}' is not a unit of {name}: there are {listing(unit, tuple(units))}"
         )
     return units.get(unit.lower(), 1.0)
 
@@ -284,7 +284,7 @@ def _number(
     if value > LARGEST[name]:
         units = " or ".join(f"'{name} [{one}]'" for one in list(UNITS[name])[1:3])
         problems.append(
-            f"{where}: {name} of {value:g} {unit}: another unit goes into the heading, as {units}"
+            f"{where}: {name} of {value:g} {unit}: state another unit in the heading, as {units}"
         )
         return None
     return value

@@ -240,7 +240,7 @@ class _Reading:
                 check_settings(told, f"subject '{name}': trial '{trial.name}': ", problems)
         files = subject_files(subject, model, tuple(trials), self.notes)
         if name in self.subjects and set(STEPS["subject"]) & {*steps, *self.steps_of(name)}:
-            problems.append(f"subject '{name}' is there twice: put its trials into one table")
+            problems.append(f"subject '{name}' is given twice: put its trials into one table")
         if trials or not any(gone.subject == name for gone in self.exclusions.found):
             self.subjects[name] = files
         self.tables[name] = subject

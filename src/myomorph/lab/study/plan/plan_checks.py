@@ -114,17 +114,16 @@ def _possible(name: str, what: str, taken: Sequence[str], problems: list[str]) -
         )
     elif key.split(".")[0] in RESERVED:
         problems.append(
-            f"{what}: '{key.split('.')[0]}' is a device on Windows, no folder: give it another"
-            " 'name'"
+            f"{what}: '{key.split('.')[0]}' is a device name on Windows: give it another 'name'"
         )
     elif key in taken:
         problems.append(
-            f"{what}: results have a file or folder '{key}' of their own there: give it another"
-            " 'name'"
+            f"{what}: results already have a file or folder '{key}' there: give it another 'name'"
         )
     elif len(name) > LONGEST:
         problems.append(
-            f"{what}: its name has {len(name)} signs, at most {LONGEST} are possible: give it a"
+            f"{what}: its name has {len(name)} characters, at most {LONGEST} are possible: give it"
+            " a"
             " 'name'"
         )
 
@@ -183,7 +182,7 @@ def check_makers(
         if circle and set(circle) not in circles:
             circles.append(set(circle))
             waiting = " waits for ".join(f"'{one}'" for one in (*circle, circle[0]))
-            problems.append(f"model_of: subjects wait for each other's models: {waiting}")
+            problems.append(f"model_of: subjects need each other's models: {waiting}")
         elif not following and not any(makes_model(steps[one]) for one in chain[1:]):
             problems.append(
                 f"subject '{name}': model_of: subject '{chain[-1]}' makes no model: give it one of"

@@ -45,7 +45,7 @@ def own_tables() -> dict[str, OwnTable]:
         key = step.own_table.key
         if key in taken:
             remark(
-                f"step '{step.name}': subjects have a key '{key}' already: its table is left out"
+                f"step '{step.name}': subjects already have a key '{key}': its table is left out"
             )
         else:
             tables[step.name] = step.own_table

@@ -168,7 +168,7 @@ def _check_content(table: SubjectTable, where: str, notes: Notes) -> None:
     """Report what a subject's table lacks, and what its steps do not use."""
     if "personalize" not in table.steps:
         notes.remarks += [
-            f"{where}: '{key}' is not used: its steps lack 'personalize'"
+            f"{where}: '{key}' is not used: step 'personalize' is missing"
             for key in ("passive", "generic")
             if getattr(table, key)
         ]
@@ -200,16 +200,17 @@ def _check_steps(table: SubjectTable, where: str, problems: list[str]) -> None:
             problems.append(f"{where}: the step '{step}' cannot run: {step_head(step).refused}")
     for step in dict.fromkeys(table.steps):
         if table.steps.count(step) > 1:
-            problems.append(f"{where}: steps: '{step}' is there twice")
+            problems.append(f"{where}: steps: '{step}' is given twice")
     if "ik" not in table.steps:
-        problems.append(f"{where}: steps lack 'ik', which every other step needs")
+        problems.append(f"{where}: step 'ik' is missing, which every other step needs")
     for step in STEPS["subject"]:
         later = study_steps()[study_steps().index(step) + 1 :]
         before = table.steps[: table.steps.index(step)] if step in table.steps else []
         early = [one for one in before if one in later]
         if early:
             problems.append(
-                f"{where}: steps wait for each other: '{step}' comes after '{early[0]}', which uses"
+                f"{where}: steps depend on each other: '{step}' comes after '{early[0]}', which"
+                " uses"
                 " the model that it makes"
             )
         if step in NEEDS_MASS and step in table.steps and table.mass is None:

@@ -187,11 +187,11 @@ def connected(address: str, patience: float) -> Any:
             warnings.simplefilter("ignore", VersionMismatchWarning)
             return Client(address, timeout=patience, set_as_default=False, name="myomorph")
     except OSError as error:
-        reason = " ".join(str(error).split()) or "something takes the connection, but is silent"
+        reason = " ".join(str(error).split()) or "the connection is accepted, but nothing answers"
         raise BadData(f"--scheduler {address}: no scheduler answers ({reason}): {START}") from None
     # whatever the bytes of a program of another kind lead to, MemoryError among it
     except Exception:
-        reason = "something is there that does not speak as a Dask scheduler does"
+        reason = "what answers is not a Dask scheduler"
         raise BadData(f"--scheduler {address}: no scheduler answers ({reason}): {START}") from None
 
 
@@ -240,7 +240,7 @@ def unfit(fit: Fitness, mark: tuple[Path, str] | None) -> str:
         return f"runs on {fit.system}, this program on {here.system}: use one operating system"
     if mark is not None and not fit.sees:
         return (
-            f"does not see {mark[0].parent}: give --out a folder that all machines share under the"
+            f"cannot see {mark[0].parent}: give --out a folder that all machines share under the"
             " same name"
         )
     return ""

@@ -19,7 +19,7 @@ from myomorph.lab.study.run.watching import named
 from myomorph.lab.study.run.work import Graph, Work
 from myomorph.lab.study.step.job_steps import AFTER_OTHERS, NEVER
 
-FRESH = "everything is asked for anew"
+FRESH = "everything is requested anew"
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def dry_run(graph: Graph, out: Path, fresh: bool = False, workers: int = 1) -> D
         except MyomorphError as error:
             return error
 
-    with progress("looking at jobs", len(graph.works), "jobs") as advance:
+    with progress("checking jobs", len(graph.works), "jobs") as advance:
         for work in graph.works:
             # What begins with what other jobs would compute cannot be looked at.
             awaits = not awaited.isdisjoint((*work.needs, *work.after))
@@ -193,7 +193,7 @@ def _outside_recordings(work: Work, count: Callable[[Path], FrameCount]) -> str:
     for recording in work.recordings:
         if recording.time is not None and count(recording.path).within(recording.time) == 0:
             start, end = recording.time
-            return f"{recording.path}: has no frame from {start:g} to {end:g} s, the time asked for"
+            return f"{recording.path}: has no frame from {start:g} to {end:g} s, the time requested"
     return ""
 
 
@@ -227,7 +227,7 @@ def dry_run_lines(
         )
     if dry_run.problems:
         yield ""
-        yield "cannot be looked at:"
+        yield "cannot be checked:"
         yield from (f"  {problem}" for problem in dry_run.problems)
     yield ""
     yield from _time(dry_run)
@@ -284,12 +284,12 @@ def _reasons(rows: tuple[Row, ...]) -> Iterator[str]:
 
 def _time(dry_run: DryRun) -> Iterator[str]:
     if not any(row.computed for row in dry_run.rows):
-        yield "nothing to compute: all results are there and would come out the same"
+        yield "nothing to compute: all results are up to date"
         return
     if dry_run.seconds:
         yield f"expected: {in_words(dry_run.seconds)} with {counted(dry_run.side, 'worker')}"
         yield (
-            "  by what steps took before on this machine (step_times.csv in the user's cache"
+            "  from times of earlier steps on this machine (step_times.csv in the user's cache"
             " folder)"
         )
     if dry_run.unknown:

@@ -28,7 +28,7 @@ from myomorph.lab.study.workers.local_workers import InProcess
 
 PATIENCE = 0.5  # How often the loop looks round although nothing has ended [s].
 AT_ONCE = 0.001  # How long it waits where there is more to begin [s].
-FULL = "no space is left where the results go: make room, then run again"
+FULL = "no space is left where the results go: free space, then run again"
 
 
 class _Models:

@@ -211,7 +211,7 @@ class StudyWatcher:
             lacking = len(self._order) - sum(
                 1 for outcome in self._found.values() if not outcome.error
             )
-            hint = f"make room, then run again: {lacking} of {len(self._order)} jobs are not done"
+            hint = f"free space, then run again: {lacking} of {len(self._order)} jobs are not done"
             raise BadFile(self._out / TABLE, problem, hint) from None
 
 

@@ -20,7 +20,7 @@ from myomorph.lab.store.watched import announce
 
 LAST = "report"  # What follows from all steps of a job, as whoever watches hears it.
 NEVER = "is not computed yet"  # Why a step is computed of which there is no result.
-AFTER_OTHERS = "what it begins with is made anew"
+AFTER_OTHERS = "its inputs are computed again"
 """Why a step is computed that begins with files of one that is computed."""
 
 
@@ -145,7 +145,7 @@ def changes(before: Provenance, after: Provenance) -> tuple[str, ...]:
         if old != new:
             short = max(len(old), len(new)) <= LONGEST
             lines.append(f"{name} {old} -> {new}" if short else f"{name} has changed")
-    return tuple(dict.fromkeys(lines)) or ("what it was made from has changed",)
+    return tuple(dict.fromkeys(lines)) or ("its inputs have changed",)
 
 
 def _sources(before: Iterable[Source], after: Iterable[Source]) -> list[str]:

@@ -120,7 +120,9 @@ def _write_tables(
     shape: Shape, segments: Sequence[SegmentMass], folder: Path, made: Provenance
 ) -> None:
     """Write skin, tables and page."""
-    note = Note("assumed", "A statistical body (anny); what was not measured is of people alike.")
+    note = Note(
+        "assumed", "A statistical body (anny); missing measurements are those of similar people."
+    )
     head = PageHead.of("Body of a person", made, (note,), shape.notes)
     write_obj(shape.skin.surface, folder / "skin.obj")
     for name, sheet in (

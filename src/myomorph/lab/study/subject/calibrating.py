@@ -229,7 +229,7 @@ def summary(calibration: Calibration) -> Iterable[str]:
                 f"  {length.length.name:<16} {1e3 * length.generic:6.1f} ->"
                 f" {1e3 * length.value:6.1f} mm (factor {length.factor:.3f}, SD"
                 f" {1e3 * length.length.extent * length.sd:.1f} mm)"
-                + ("" if length.shown else ", not shown by the recordings")
+                + ("" if length.shown else ", not determined by the recordings")
             )
 
 

@@ -259,7 +259,7 @@ def _unfiltered(
     return (
         FILTER.message(
             "no low-pass filter: noise of markers grows with the square of frequency in"
-            f" accelerations, and motions ask for one ({noisy}): leave --cutoff 0 out"
+            f" accelerations, and motions need one ({noisy}): leave --cutoff 0 out"
         ),
     )
 
@@ -404,9 +404,7 @@ def evidence_line(identification: Identification) -> str:
     """Return what is printed of masses: which of them forces show to differ from the shape's."""
     evidence = identification.mass_evidence
     named = [name for name, word in evidence.items() if word != "not shown"]
-    return (
-        f"masses that forces show to be other ones than the shape's: {', '.join(named) or 'none'}"
-    )
+    return f"masses that forces show to differ from the shape's: {', '.join(named) or 'none'}"
 
 
 def tissue_line(tissue: SoftTissue) -> str:
@@ -441,8 +439,8 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
         )
     if not motions:
         raise BadData(
-            f"subject '{files.name}': no trial has external forces, so 'identify' has nothing to"
-            " hold masses against"
+            f"subject '{files.name}': no trial has external forces, so 'identify' has no data for"
+            " masses"
         )
     body = KnownBody(shape=files.shape, mass=files.mass)
     identified = identify_subject(subject.model, motions, body, options)

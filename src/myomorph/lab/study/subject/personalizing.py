@@ -168,7 +168,7 @@ def _emg(trial: TrialInputs, motion: Motion) -> EmgTarget | None:
     if not recorded.muscles:
         names = ", ".join(recorded.emg.names)
         raise BadData(
-            f"no EMG channel's name tells a muscle of the model ({names}): name channels as"
+            f"no EMG channel's name contains a muscle of the model ({names}): name channels as"
             " muscles, or give --emg-side"
         )
     options = replace(EmgOptions(), delay=USUAL)
@@ -335,7 +335,7 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
     if not trials:
         raise BadData(
             f"subject '{files.name}': no trial has external forces, so 'personalize' has no torques"
-            " to hold muscles to; give forces, or tables of measured passive torques ('passive')"
+            " to fit muscles to; give forces, or tables of measured passive torques ('passive')"
         )
     # What calibration lengthened had fibers that fitted; a morph's muscles come from other bones.
     scaled = "calibrate" in subject.done and "morph" not in subject.done and not files.model_of

@@ -80,8 +80,8 @@ def refined(
         if trial.get(RecordedMotion) is not None:
             warnings.append(
                 SETTINGS.message(
-                    f"{trial.name}: refined from its markers; the motion that 'transfer' carried is"
-                    " not used"
+                    f"{trial.name}: refined from its markers; the motion from 'transfer' is not"
+                    " used"
                 )
             )
         checked = solve_kinematics(trial)
@@ -94,10 +94,7 @@ def refined(
             )
         )
     if not recordings:
-        raise BadData(
-            f"{name}: no trial has markers and external forces, so 'refine' has nothing to hold"
-            " together"
-        )
+        raise BadData(f"{name}: no trial has markers and external forces, so 'refine' has no data")
     model = trials[0].model
     pieces = 1 + (
         max(2, len(recordings))

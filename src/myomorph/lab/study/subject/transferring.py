@@ -190,9 +190,9 @@ def summary(transferred: Transferred) -> list[str]:
     for name, carried in transferred.motions.items():
         held = sum(share < 0.5 for share in carried.known.values())
         lines.append(
-            f"{name}: carried, its points {1e3 * np.sqrt(np.nanmean(carried.errors**2)):.1f} mm"
+            f"{name}: transferred, its points {1e3 * np.sqrt(np.nanmean(carried.errors**2)):.1f} mm"
             f" apart (RMS); {len(carried.known) - held} coordinates follow the subject's, {held}"
-            " are mostly held"
+            " are mostly fixed"
         )
     lines += [_paths_line(name, paths) for name, paths in transferred.paths.items()]
     return lines
@@ -213,7 +213,7 @@ def _paths_line(name: str, paths: CarriedPaths) -> str:
             at_ends = sum(bool(hop.bounds) for hop in paths.hops)
             hops += (
                 f"; at {at_ends} of them a range of the model"
-                f" ends ({few(list(bounds), MAX_NAMED)}): the motion leads out of it"
+                f" ends ({few(list(bounds), MAX_NAMED)}): the motion leaves it"
             )
     if not count:
         return f"{name}: none of {len(paths.muscles)} muscle paths jumps{hops}"

@@ -214,7 +214,7 @@ def _stride_rows(trials: Sequence[tuple[str, str, TrialStrides]]) -> Iterator[Ro
 
 STEP = Step(
     name="groups",
-    title="two groups of subjects beside each other",
+    title="comparison of two groups of subjects",
     scope="study",
     leaves=FrozenMap({"page": PAGE}),
     applies=lambda study: study.plan.groups is not None,

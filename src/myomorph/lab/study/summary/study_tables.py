@@ -93,11 +93,11 @@ FILES = (
     (PARQUET, "the same as Parquet"),
     (
         TRIAL_QUALITY,
-        "of every trial what is held against a limit, warnings, what failed and what was left out",
+        "of every trial: values compared with limits, warnings, failures and exclusions",
     ),
     (
         TRIAL_MESSAGES,
-        "of every trial what may be wrong: cause, gravity, place, size, effect, remedy",
+        "possible errors of every trial: cause, gravity, place, size, effect, remedy",
     ),
     (
         CONDITION_VALUES,
@@ -147,8 +147,8 @@ class SignSearch:
         return [
             GROUPS.message(
                 f"{few(names, MAX_NAMED)}: above zero in {few(above, MAX_NAMED)}, "
-                f"below it in {few(below, MAX_NAMED)}: where their models count it "
-                "the other way round, means over these subjects mean nothing"
+                f"below it in {few(below, MAX_NAMED)}: if their models have opposite signs, means"
+                " over these subjects are meaningless"
             )
             for (above, below), names in sides.items()
         ]
@@ -327,7 +327,7 @@ def gather_study(plan: Plan, outcomes: Sequence[Outcome], out: Path, folder: Pat
 
 def _files(plan: Plan) -> tuple[tuple[str, str], ...]:
     """Names of a study's files, and what each is."""
-    groups = ((GROUPS_PAGE, "the two groups of subjects beside each other"),)
+    groups = ((GROUPS_PAGE, "comparison of the two groups of subjects"),)
     tables = tuple((name, text) for name, text in FILES if name != PARQUET or has_parquet())
     return tables if plan.groups is None else (*groups, *tables)
 

@@ -161,7 +161,7 @@ def gap_messages(smoothed: SmoothedMotion) -> tuple[Message, ...]:
     ]
     if inside:
         frames = sum(stop - start for start, stop in inside)
-        text = f"beside gaps the accelerations of {counted(frames, 'frame')} are less sure"
+        text = f"beside gaps the accelerations of {counted(frames, 'frame')} are less certain"
         messages.append(HIDDEN.message(text, times=spans(time, inside), gravity="good to know"))
     return tuple(messages)
 

@@ -188,8 +188,8 @@ def fiber_notes(tension: Tension) -> tuple[Message, ...]:
             MUSCLES.message(
                 f"elastic tendons did not converge in {len(stalled)} of {len(tension)} frames,"
                 f" between {first:.3f} and {last:.3f} s (residual"
-                f" {fibers.certificate.residual:.2g}): forces and fibers there are not to be"
-                " believed; try frames at 100 Hz, or rigid tendons",
+                f" {fibers.certificate.residual:.2g}): forces and fibers there are not reliable;"
+                " try frames at 100 Hz, or rigid tendons",
                 gravity="changes results",
             )
         )
@@ -237,8 +237,9 @@ def fiber_notes(tension: Tension) -> tuple[Message, ...]:
         at = tension.time[int(np.nanargmax(inside[:, worst]))]
         notes.append(
             MUSCLES.message(
-                f"tendons of {len(torn)} muscles are strained by more than {100 * LARGE_STRAIN:.0f}"
-                f" %, where tendons tear; most {tension.muscles[worst]}, {100 * most[worst]:.1f} %"
+                f"tendons of {len(torn)} muscles have strains above {100 * LARGE_STRAIN:.0f}"
+                f" %, at which tendons rupture; most {tension.muscles[worst]},"
+                f" {100 * most[worst]:.1f} %"
                 f" at {at:.3f} s: its slack length does not fit"
             )
         )

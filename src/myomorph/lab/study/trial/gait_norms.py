@@ -131,7 +131,7 @@ def walker_of(prepared: Prepared) -> Walker:
 def norm_of(norms: GaitNorms, walker: Walker) -> ChosenNorm:
     """Return the norm that fits a walker in age and speed; nobody is the own control."""
     if norms.names == (NO_NORM,):
-        return ChosenNorm(None, "No norm was asked for.")
+        return ChosenNorm(None, "No norm was requested.")
     if norms.groups:
         return _fitting(norms.groups, walker)
     if norms.names and norms.names != (ADULTS,):
@@ -143,8 +143,8 @@ def norm_of(norms: GaitNorms, walker: Walker) -> ChosenNorm:
     if walker.age is None and walker.stature < ADULT:
         return ChosenNorm(
             None,
-            f"No norm: legs of a body of about {walker.stature:.2f} m, and the norm that comes"
-            " along is of adults. myomorph report --norms FOLDER takes the results of a control"
+            f"No norm: legs of a body of about {walker.stature:.2f} m, and the bundled norm is of"
+            " adults. myomorph report --norms FOLDER takes the results of a control"
             " group; --norms adults draws adults.",
         )
     return _fitting(adult_norms(), walker)
@@ -156,7 +156,7 @@ def _asked_for(walker: Walker) -> ChosenNorm:
     if fitting.norm is not None:
         return fitting
     why = fitting.note.removeprefix("No norm: ")
-    return ChosenNorm(adult_norm(), f"The norm was asked for and does not fit: {why}")
+    return ChosenNorm(adult_norm(), f"The requested norm does not fit: {why}")
 
 
 def _fitting(norms: Sequence[GaitNorm], walker: Walker) -> ChosenNorm:
@@ -183,7 +183,7 @@ def _of_age(norms: Sequence[GaitNorm], walker: Walker) -> tuple[list[GaitNorm], 
     limited = [norm for norm in norms if np.isfinite(norm.ages[1])]
     if walker.age is None:
         usual = [norm for norm in norms if norm.group == USUAL] or list(norms)
-        doubt = "The age is not stated, so nothing says that the norm fits it." if limited else ""
+        doubt = "The age is not stated, so whether the norm applies is unknown." if limited else ""
         return usual, doubt
     fitting = [norm for norm in norms if norm.ages[0] <= walker.age < norm.ages[1] + YEAR]
     if fitting:

@@ -100,7 +100,8 @@ def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tupl
                 JOINT_POINTS.message(
                     f"{joint}: in {int(pulled.sum())} of {len(pulled)} frames the joint is pulled"
                     f" apart, which its contact points cannot carry, by up to {pull[worst]:.0f} N"
-                    f" (at {contacts.time[worst]:.2f} s); do the normals point towards the child?"
+                    f" (at {contacts.time[worst]:.2f} s); check that the normals point towards the"
+                    " child"
                 )
             )
     return tuple(notes)

@@ -48,7 +48,7 @@ def carried_tension(
     share = float(lost.mean())
     note = CONTACTS.message(
         f"joint loads are left out in {100.0 * share:.0f} % of the frames, in which more than"
-        f" {100.0 * MAX_UNEXPLAINED:.0f} % of the weight comes from nowhere",
+        f" {100.0 * MAX_UNEXPLAINED:.0f} % of the weight is unexplained",
         times=spans_of(tension.time, lost),
         share=share,
         # Frames without numbers change none, as long as most have them.

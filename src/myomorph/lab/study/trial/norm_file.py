@@ -114,7 +114,9 @@ def _row(path: Path, number: int, cells: Mapping[str, str]) -> NormRow:
             high=_number(cells["high"]),
         )
     except (TypeError, ValueError):
-        raise BadFile(path, f"row {number} ('{variable}'): has a cell that is no number") from None
+        raise BadFile(
+            path, f"row {number} ('{variable}'): has a cell that is not a number"
+        ) from None
     if variable in KEYS and not 0.0 <= row.percent <= 100.0:
         raise BadFile(path, f"row {number} ('{variable}'): percent is not between 0 and 100")
     return row

@@ -215,7 +215,7 @@ def with_default_contacts(
     where = "a seat and feet" if seats else "feet"
     note = FEET_BESIDE.message(
         f"measured forces leave {support.sentence}: forces under {where} off the plates are"
-        " estimated from the motion (--contacts none: what is missing stays at the root)",
+        " estimated from the motion (--contacts none: the missing force stays at the root)",
         size=100.0 * support.frames / len(support.left),
         times=support.missing,
     )
@@ -272,8 +272,8 @@ def _refusal(support: RootSupport, what: str) -> str:
     part = support.carried
     span = "" if part is None else f", as {part[0]:.2f} {part[1]:.2f}"
     return (
-        f"{what} do not carry the body of {plain(support.mass)} kg: {support.sentence} would come"
-        f" from nowhere at '{support.place}'; name what else carries it, as forelimbs, hands or a"
+        f"{what} do not support the body of {plain(support.mass)} kg: {support.sentence} would be"
+        f" unexplained at '{support.place}'; name what else supports it, as forelimbs, hands or a"
         f" seat (--contacts FILE.toml), take a part on plates (--time START END{span}), or leave it"
-        " there (--contacts none): then only tensions of limbs whose load is known mean anything"
+        " there (--contacts none): then only tensions of limbs with a known load are meaningful"
     )

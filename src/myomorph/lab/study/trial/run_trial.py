@@ -122,7 +122,7 @@ class TrialSteps(JobSteps):
         reasons = super().all_reasons([step for step in STEPS["trial"] if step in steps])
         if REPORT in steps:
             computed = any(reasons.values())
-            reason = ("its results are new",) if computed else ("what it contains has changed",)
+            reason = ("its results are new",) if computed else ("its contents have changed",)
             made = not computed and trial_step.report_is_made(
                 self.folder, self.trial, tuple(reasons)
             )

@@ -207,8 +207,8 @@ def join_trials(
     for name, part in parts.items():
         if part.trial.get(RecordedTorques) is not None:
             raise BadData(
-                f"'{together.name}': trial of '{name}' has torques of its own: what is solved"
-                " together needs loads"
+                f"'{together.name}': trial of '{name}' has torques of its own: parts that are"
+                " solved together need loads"
             )
     models = {name: part.trial.model for name, part in parts.items()}
     motions, notes = on_one_clock({name: part.recorded for name, part in parts.items()})

@@ -171,7 +171,7 @@ def trial_strides(stored: Stored, model: Model, plan: StridePlan) -> TrialStride
     by_feet = _by_feet(model, plan)
     if by_feet and not feet_move(points):
         note = STRIDES.message(
-            "the feet stand while the body moves; 'limbs' in [strides] tells what else steps"
+            "the feet stand while the body moves; 'limbs' in [strides] names other limbs"
         )
         return TrialStrides(trial=trial, limbs=names, parts=(), notes=(note,))
     wrenches = _wrenches_on(stored, limbs)

@@ -55,8 +55,7 @@ def drawn_settings(
     if draws is None and path is None:
         for name, value in settings.items():
             raise BadData(
-                f"--{name} {value} without --draws: say how many draws there are to be (--draws"
-                " 200)"
+                f"--{name} {value} without --draws: give the number of draws (--draws 200)"
             )
         return {}
     if workers is not None and workers < 1:

@@ -242,7 +242,7 @@ class LocalWorkers:
                 Ended(
                     job,
                     answer.outcome,
-                    answer.broken and f"it could not be done there: {answer.broken}",
+                    answer.broken and f"it failed there: {answer.broken}",
                 )
             ]
         if process in self._all:
@@ -339,8 +339,8 @@ def local_workers(
     """
     if memory is not None and memory < NEEDED // 4:
         raise BadData(
-            f"memory {memory / 1e9:g} GB: expected {NEEDED / 4e9:.2f} GB or more: less holds no"
-            " model"
+            f"memory {memory / 1e9:g} GB: expected {NEEDED / 4e9:.2f} GB or more: less does not"
+            " hold a model"
         )
     if count is None and jobs == 1 and memory is None:
         return InProcess()

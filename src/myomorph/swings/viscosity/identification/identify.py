@@ -555,11 +555,12 @@ def _warnings(solved: ConditionSolution) -> list[str]:
     sums = solved.sums
     inertia = solved.whole.inertia
     if inertia.hidden:
-        result.append("the plate's zero is unknown, so the mass hides; viscosities do not need it")
-    if not inertia.possible:
         result.append(
-            "the wrench asks for inertia that no body has; the nearest that one can have is used"
+            "the plate's zero is unknown, so the mass is not identifiable; viscosities do not need"
+            " it"
         )
+    if not inertia.possible:
+        result.append("the wrench implies an impossible inertia; the nearest possible one is used")
     if len(sums.names) < 2:
         result.append("one trial only: how trials differ is not in the intervals")
     lost = [name for i, name in enumerate(sums.names) if not (sums.trial == i).any()]

@@ -268,8 +268,8 @@ def _cylinder(estimate: Array, hidden: bool) -> Array:
     size = float(np.linalg.norm(moment))
     if not size > 0.0:
         raise BadData(
-            "the wrench on the base shows no moment of the limb's weight about the joint: does the"
-            " plate carry it?"
+            "the wrench on the base contains no moment of the limb's weight about the joint: does"
+            " the plate support it?"
         )
     inertia = float(np.linalg.eigvalsh(inertia_matrices(estimate))[-1])
     mass = 4.0 / 3.0 * size**2 / inertia if hidden and inertia > 0.0 else float(estimate[0])

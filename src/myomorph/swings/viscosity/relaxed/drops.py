@@ -194,7 +194,7 @@ def activities(
     ]
     if not any(part.any() for part in quiet):
         raise BadData(
-            f"the limb rests nowhere for {QUIET:g} s, so the level of silent muscles is unknown:"
+            f"the limb is never at rest for {QUIET:g} s, so the level of silent muscles is unknown:"
             " record a second more before the limb is let go, or until it hangs still"
         )
     result = []

@@ -225,7 +225,7 @@ def _muscles(specimen: SpecimenReport, order: int) -> Section | None:
     resolved = "" if known is None else f", {known} of them to better than their size"
     lead = (
         f"One value for all muscles: {with_interval(muscles.common)} Ns/m; in proportion to their"
-        f" cross-sections, mean {with_interval(muscles.by_pcsa)} Ns/m. The swings show"
+        f" cross-sections, mean {with_interval(muscles.by_pcsa)} Ns/m. The swings determine"
         f" {muscles.rank} of {len(muscles.muscles)} independent combinations{resolved}: the values"
         " of single muscles also come from the regularisation that draws them to the common value."
     )
@@ -536,7 +536,7 @@ def _instrument_grid(specimen: SpecimenReport) -> list[Grid]:
         )
         rows.append((source.replace("_", " "), axis, unit, *shown))
     head = ("Source", "Axis", "Unit", "SD assumed", "From the swings, taken off", "SD left")
-    return [Grid(head, tuple(rows), "Errors of instruments, and what the swings tell of them")]
+    return [Grid(head, tuple(rows), "Errors of instruments, and their estimates from the swings")]
 
 
 def _signed(value: float) -> str:

@@ -59,12 +59,12 @@ def anatomy(model: Model, base: str, first: str, bones: Sequence[str]) -> Anatom
         index_of("body", name, model.body_names)
     parents = {joint.child: joint.parent for joint in model.joints}
     if base not in ancestors(parents, first):
-        hangs = f"'{first}' does not hang on '{base}', but on {_chain(parents, first)}"
+        hangs = f"'{first}' is not attached to '{base}', but to {_chain(parents, first)}"
         raise BadModel(f"model '{model.name}': {hangs}: name the base that carries the joint")
     for name in bones:
         if name not in (base, first) and first not in ancestors(parents, name):
             raise BadModel(
-                f"model '{model.name}': bone '{name}' does not hang on '{first}':"
+                f"model '{model.name}': bone '{name}' is not attached to '{first}':"
                 f" {_chain(parents, name)}"
             )
     named = {base, first, *bones}

@@ -409,8 +409,8 @@ def _joint(
         )
     aligned = directions @ directions[0]
     if np.abs(aligned).min() < np.cos(0.02):
-        turns = f"'{names.first}' turns on '{names.base}' about several axes, which is no hinge"
-        raise BadModel(f"model '{source.model.name}': {turns}: ask for a ball joint")
+        turns = f"'{names.first}' rotates on '{names.base}' about several axes, so it is no hinge"
+        raise BadModel(f"model '{source.model.name}': {turns}: set joint to 'ball'")
     vector = first.rotation.T @ directions[0]
     angle = f"{names.first}_angle"
     axis = Axis(kind="rotation", vector=vector, function=linear(1.0), coordinates=(angle,))

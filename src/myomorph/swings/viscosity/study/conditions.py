@@ -233,7 +233,9 @@ def _equations(
             hidden = Finding(
                 TARED,
                 "plate",
-                PLATE.message("the plate's zero is taken as unknown, so the mass hides"),
+                PLATE.message(
+                    "the plate's zero is assumed unknown, so the mass is not identifiable"
+                ),
             )
             findings = (hidden, *(each for each in findings if each.kind not in (TARED, "zero")))
         result[name] = replace(condition, recordings=recordings, findings=findings)

@@ -250,7 +250,7 @@ def _motion(files: DropFiles, model: Model) -> tuple[Motion, list[str]]:
     if path.suffix.lower() in TABLE_FILES:
         motion, lacking = whole_motion(read_motion(path, model), model)
         notes = (
-            [f"{files.name}: lacks {', '.join(lacking)}: they rest at their defaults"]
+            [f"{files.name}: lacks {', '.join(lacking)}: they stay at their defaults"]
             if lacking
             else []
         )

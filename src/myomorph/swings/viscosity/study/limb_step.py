@@ -159,8 +159,8 @@ def write_model(files: LimbFiles, result: LimbResult, folder: Path) -> list[str]
     others += ["passive forces of its muscles"] if model.muscles else []
     if others:
         lost.append(
-            f"{path.name}: {', '.join(others)}, which the identified torque holds, act beside it:"
-            " take one away"
+            f"{path.name}: {', '.join(others)}, which the identified torque contains, act besides"
+            " it: remove one"
         )
     if path.suffix == ".xml":
         write_dampers(

@@ -347,7 +347,8 @@ def _judged(
     common = None if by_swings.muscles is None else by_swings.muscles.common
     if viscosity.muscles is not None and common is not None and not identify.is_narrow(common):
         notes.append(
-            f"the swings do not tell the muscles' viscosity: {common.low:.2g} to {common.high:.2g}"
+            f"the swings do not determine the muscles' viscosity: {common.low:.2g} to"
+            f" {common.high:.2g}"
             " N s/m"
         )
         unknown.add("muscle_viscosity")

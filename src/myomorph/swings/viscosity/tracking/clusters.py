@@ -174,7 +174,7 @@ class Clusters:
         ]
         swapped = [self.markers.names[column] for column, new in relabel.items() if column != new]
         self.notes.append(
-            f"markers {_listed(swapped)} bear each other's names {self._when(frames)}: put right"
+            f"markers {_listed(swapped)} are exchanged {self._when(frames)}: corrected"
         )
 
     def turn_over(self) -> None:
@@ -295,17 +295,17 @@ class Clusters:
                 how = (
                     "it is still solved with its joints"
                     if left == 2
-                    else "it follows the bones beside it"
+                    else "it follows the adjacent bones"
                 )
                 which = (
                     f"markers {_listed(gone)} are" if len(gone) > 1 else f"marker '{gone[0]}' is"
                 )
                 self.notes.append(
-                    f"{which} unseen {self._when(frames)}; '{bone}' has {left} left there, {how}"
+                    f"{which} hidden {self._when(frames)}; '{bone}' has {left} left there, {how}"
                 )
         if blinking:
             under = f"each under {100 * MAX_UNSEEN:.0f} % of it"
-            self.notes.append(f"{blinking} markers are unseen now and then, {under}")
+            self.notes.append(f"{blinking} markers are hidden now and then, {under}")
 
     def _when(self, frames: np.ndarray) -> str:
         time = self.markers.time

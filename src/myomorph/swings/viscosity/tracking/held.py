@@ -18,7 +18,7 @@ from myomorph.swings.viscosity.specimen.model import Specimen
 
 # Time over which a held pose is averaged before it is judged, against the markers' noise [s].
 WINDOW = 0.25
-# Low-pass of a base that goes to and fro with the limb, far above the rate of its swings [Hz].
+# Low-pass of a base that goes back and forth with the limb, far above the rate of its swings [Hz].
 SWAY = 5.0
 
 
@@ -69,8 +69,10 @@ class Slip:
                 " trials"
             )
         if self.center_off:
-            how = f"trial '{self.trial}': {what} seems to move by {amount} to and fro with the limb"
-            return f"{how}: the joint's center is off rather than loose: set center to 'motion'"
+            return (
+                f"trial '{self.trial}': {what} seems to move by {amount} back and forth with the"
+                " limb: the joint's center is off rather than loose: set center to 'motion'"
+            )
         if base:
             cause = "clamp it again"
         elif self.lasting:

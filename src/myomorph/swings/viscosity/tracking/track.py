@@ -479,7 +479,7 @@ def _hands(name: str, time: Array, touched: np.ndarray) -> tuple[str, ...]:
     share = float(touched.mean())
     seconds = share * float(time[-1] - time[0])
     line = (
-        f"trial '{name}': something besides the joint carries the limb for {seconds:.1f} s:"
+        f"trial '{name}': something besides the joint supports the limb for {seconds:.1f} s:"
         " left out"
     )
     if share > 0.5:

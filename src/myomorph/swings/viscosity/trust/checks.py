@@ -150,7 +150,7 @@ def recording_findings(recordings: Sequence[SwingRecording]) -> tuple[Finding, .
             f"the constant force says {zero.mass:.2f} kg, but the motion allows no limb below"
             f" {zero.least_mass:.2f} kg (its mass center would lie beyond the center of oscillation"
             f" at {zero.oscillation:.2f} m): the plate was set to zero with the limb on it, so the"
-            " mass hides; set zero with the fixture alone, or give that as tare"
+            " mass is not identifiable; set zero with the fixture alone, or give that as tare"
         )
         findings.append(Finding(TARED, "plate", PLATE.message(text)))
     elif float(np.linalg.norm(zero.moment)) > OFF * zero.own_moment:
@@ -221,7 +221,8 @@ def condition_findings(condition: Condition) -> tuple[Finding, ...]:
             f" {np.linalg.norm(size):.2f} rad/s"
         )
         text = (
-            f"the swings are too small to tell the viscosity: {ends}; release it from farther out,"
+            f"the swings are too small to determine the viscosity: {ends}; release it from farther"
+            " out,"
             " or more often"
         )
         return (Finding(TOO_SMALL, "swings", SWINGS.message(text)),)
@@ -246,7 +247,7 @@ def _axis_finding(excitation: Excitation, number: int, axis: str) -> Finding:
     text = (
         f"axis '{axis}' is not excited, its viscosity not identifiable: rates of"
         f" {excitation.rates[number]:.3g} rad/s (root mean square), {why}; spin the limb about that"
-        " axis as it is released (turned and let go it hardly rotates)"
+        " axis as it is released (merely turned and released it hardly rotates)"
     )
     return Finding("axis", axis, SWINGS.message(text))
 

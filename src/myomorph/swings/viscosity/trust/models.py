@@ -255,14 +255,14 @@ class PassiveComparison:
         plain = self.chosen
         if not np.isfinite(plain.angle_error):
             return (
-                f"BIC asks for {law.name}, but no window could be held out to judge it:"
+                f"BIC favors {law.name}, but no window could be held out to judge it:"
                 f" {plain.name} is used"
             )
         other, plain_error = np.rad2deg([law.angle_error, plain.angle_error])
         predicts = (
             f"it predicts held-out swings to {other:.1f} degrees, {plain.name} to {plain_error:.1f}"
         )
-        return f"BIC asks for {law.name}, but {predicts}: {plain.name} is used"
+        return f"BIC favors {law.name}, but {predicts}: {plain.name} is used"
 
 
 def compare_passive_laws(

@@ -196,4 +196,4 @@ def _note(result: MainResult) -> str:
     start = f"{float(first.at[0]):.1f}"
     stop = with_unit(float(first.at[-1]), "s", 1)
     span = f" From {start} to {stop}." if result.axis == SECONDS else ""
-    return f"Once, so nothing is known of the spread.{span} Numbers: the poses."
+    return f"A single repetition, without a spread.{span} Numbers: the poses."

@@ -58,16 +58,16 @@ OF_MUSCLES = (Quantity.NOT_OPTIMAL, Quantity.RESERVES, Quantity.OVERSTRETCHED)
 PLAIN: Mapping[Quantity, str] = FrozenMap(
     {
         Quantity.MARKER_RMS: "Markers miss the body",
-        Quantity.NOT_CONVERGED: "Frames that no pose fits",
-        Quantity.LOOP_CLOSURE: "A closed chain stays open",
-        Quantity.RESIDUAL_FORCE_RMS: "Force that the recording leaves unexplained",
-        Quantity.RESIDUAL_MOMENT_RMS: "Moment that the recording leaves unexplained",
-        Quantity.CONTACT_FORCE_RMS: "Force that no contact explains",
-        Quantity.CONTACT_MOMENT_RMS: "Moment that no contact explains",
-        Quantity.INFEASIBLE_CONTACT: "Frames that no contact explains",
-        Quantity.NOT_OPTIMAL: "Frames without a solution of the muscles",
-        Quantity.RESERVES: "Torque that no muscle gives",
-        Quantity.OVERSTRETCHED: "Muscles stretched beyond sense",
+        Quantity.NOT_CONVERGED: "Frames without a fitting pose",
+        Quantity.LOOP_CLOSURE: "A closed loop stays open",
+        Quantity.RESIDUAL_FORCE_RMS: "Residual force",
+        Quantity.RESIDUAL_MOMENT_RMS: "Residual moment",
+        Quantity.CONTACT_FORCE_RMS: "Residual force besides contacts",
+        Quantity.CONTACT_MOMENT_RMS: "Residual moment besides contacts",
+        Quantity.INFEASIBLE_CONTACT: "Infeasible contact frames",
+        Quantity.NOT_OPTIMAL: "Frames without a muscle solution",
+        Quantity.RESERVES: "Torque of reserve actuators",
+        Quantity.OVERSTRETCHED: "Overstretched muscles",
     }
 )
 """Checks in the words of the page."""
@@ -94,7 +94,7 @@ def judged(prepared: Prepared, causes: Sequence[CauseGroup]) -> Judgement:
         use, reason = limited or ("everything", _counted(prepared))
         found = Judgement(use, f"{reason}{_exception(prepared)}")
     simulated = any(note.kind == "simulated" for note in prepared.results.head.notes)
-    nobody = " Simulated: nobody was measured." if simulated else ""
+    nobody = " Simulated: no measurement." if simulated else ""
     return replace(found, reason=f"{found.reason}{nobody}")
 
 
@@ -103,7 +103,7 @@ def _counted(prepared: Prepared) -> str:
     judged_ones = [check for check in prepared.verdicts if check.limit is not None]
     over = sum(check.state == "over" for check in judged_ones)
     if over:
-        return f"{over} of {len(judged_ones)} checks need a look."
+        return f"{over} of {len(judged_ones)} checks are over their limits."
     return f"All {len(judged_ones)} checks passed."
 
 
@@ -152,7 +152,7 @@ def _of_torques(prepared: Prepared, causes: Sequence[CauseGroup]) -> tuple[Use, 
         share = f"{unknown:.0f}{NO_BREAK}%"
         return "angles", f"No plate measured the load of a foot in {share} of the time."
     if any(cause.cause.key == CONTACTS_OPEN.key for cause in causes):
-        return "angles", "Nothing is known of the forces of some contacts."
+        return "angles", "The forces of some contacts are undetermined."
     check = _gravest(prepared, OF_TORQUES)
     return None if check is None else ("angles", _reason(check))
 
@@ -160,7 +160,7 @@ def _of_torques(prepared: Prepared, causes: Sequence[CauseGroup]) -> tuple[Use, 
 def _of_muscles(prepared: Prepared) -> tuple[Use, str] | None:
     """Why muscles do not hold although torques do, None where they do."""
     if prepared.results.tension is None:
-        return "angles and torques", "Muscles were not solved for."
+        return "angles and torques", "Muscle tensions were not computed."
     check = _gravest(prepared, OF_MUSCLES)
     return None if check is None else ("angles and torques", _reason(check))
 

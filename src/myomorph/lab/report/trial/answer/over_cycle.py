@@ -55,7 +55,7 @@ def few_strides_note(gait: GaitCurves) -> str:
     least = min(len(gait.strides[side]) for side in SIDES)
     if least >= FEW or least == 0:
         return ""
-    return f"{counted_strides(gait)}: take a difference of the sides as a hint, not as a finding."
+    return f"{counted_strides(gait)}: too few to conclude on a difference between the sides."
 
 
 def mean_lift(gait: GaitCurves) -> float | None:

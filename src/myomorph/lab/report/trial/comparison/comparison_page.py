@@ -28,8 +28,8 @@ from myomorph.lab.report.trial.gait.gait_title import gait_title
 RULE = (
     "Larger: than the larger standard deviation between strides of both sessions, and of angles"
     f" than {DEGREES:g}°, of moments, powers and forces than {100.0 * SHARE:g} % of the larger"
-    " value. It is said from"
-    f" {MIN_STRIDES} strides of a side on in each session. Nothing is tested."
+    f" value. It is stated for sides with {MIN_STRIDES} or more strides in each session. No"
+    " statistical test."
 )
 
 

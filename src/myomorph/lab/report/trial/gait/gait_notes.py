@@ -47,7 +47,7 @@ def score_notes(scores: GaitScores | None, norm: GaitNorm | None) -> list[str]:
     if scores is None or norm is None or scores.scaled:
         return []
     if not scores.offsets:
-        return ["No scaled score: it takes controls with the same angles (--norms FOLDER)."]
+        return ["No scaled score: it needs controls with the same angles (--norms FOLDER)."]
     if norm.scale is not None:
         return ["No scaled score: the walk and the norm do not have the same angles."]
     if norm.old_scale:
@@ -55,7 +55,7 @@ def score_notes(scores: GaitScores | None, norm: GaitNorm | None) -> list[str]:
             "No scaled score: that of the norm's file is of mean curves, and strides differ more."
             " Write the file again with 'myomorph norms'."
         ]
-    return ["No scaled score: it takes a control group of five or more (--norms FOLDER)."]
+    return ["No scaled score: it needs a control group of five or more (--norms FOLDER)."]
 
 
 def _of_norm(norm: GaitNorm | None) -> Iterable[str]:
@@ -77,7 +77,7 @@ def _of_norm(norm: GaitNorm | None) -> Iterable[str]:
     known = np.asarray(np.isfinite(norm.mean).any(axis=0)).tolist()
     absent = [variable.title for variable, has in zip(VARIABLES, known, strict=True) if not has]
     if absent:
-        yield f"The norm lacks: {'; '.join(absent)}."
+        yield f"Missing in the norm: {'; '.join(absent)}."
 
 
 def _of_moments(prepared: Prepared, curves: GaitCurves, use: Use) -> Iterable[str]:

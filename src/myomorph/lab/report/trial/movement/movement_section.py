@@ -80,9 +80,9 @@ def _lead(numbers: MovementNumbers, measured: bool, use: Use) -> str:
         words += f" in {whole:.1f}\u00a0s"
     sentences = [f"{words}."]
     if not measured and not _knows_force(numbers):
-        sentences.append("No plate measured a force, so what needs one is not shown.")
+        sentences.append("No plate measured a force, so quantities that need one are not shown.")
     if use not in WITH_TORQUES and numbers.one in ("repetition", "rise"):
-        sentences.append("Torques do not hold, so moments are not shown.")
+        sentences.append("Torques are not usable, so moments are not shown.")
     return " ".join(sentences)
 
 

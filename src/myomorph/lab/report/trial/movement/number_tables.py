@@ -61,7 +61,7 @@ def _summary_table(numbers: MovementNumbers) -> Grid:
     counts = ", ".join(_counted(numbers, side) for side in sides)
     title = f"Mean ± standard deviation of {counts}" if several else ""
     return Grid(
-        head=("", *(heads[side] for side in sides), "What it is"), rows=tuple(rows), title=title
+        head=("", *(heads[side] for side in sides), "Definition"), rows=tuple(rows), title=title
     )
 
 

@@ -203,7 +203,7 @@ class Strength:
                 share = 100.0 * reserves[name] / max(peaks[name], 1e-300)
                 raise TooWeak(
                     f"the reserve of {name} gives {share:.0f} % of its torque, {100.0 * most:.0f} %"
-                    " at most can be"
+                    " at most is allowed"
                 )
 
 

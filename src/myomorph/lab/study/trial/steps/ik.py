@@ -150,15 +150,15 @@ def used_markers(trial: TrialInputs, markers: Markers) -> UsedMarkers:
     if not passes.spans:
         raise BadData(
             f"{trial.name}: no part of {options.min_duration:g} s shows"
-            f" {100 * options.min_visible:g} % of what its markers could tell: ask for less"
+            f" {100 * options.min_visible:g} % of the possible marker information: lower the limits"
             " (passes_min_visible, passes_min_duration)"
         )
     used = within_crossings(markers, passes.spans)
     if passes.share >= options.min_visible:
         return UsedMarkers(used)
     text = HIDDEN.message(
-        f"no part of {options.min_duration:g} s shows {100 * options.min_visible:g} % of what its"
-        f" markers could tell: the parts that show {100 * passes.share:.0f} % are used"
+        f"no part of {options.min_duration:g} s shows {100 * options.min_visible:g} % of the"
+        f" possible marker information: the parts that show {100 * passes.share:.0f} % are used"
     )
     return UsedMarkers(used, (Finding("passes that show less", "markers", text),))
 

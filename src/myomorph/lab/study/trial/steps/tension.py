@@ -451,7 +451,7 @@ def _write_warnings(
     estimated = np.flatnonzero(setting.supports.during(solution.tension.time))
     places = evenly_spaced(trial.options[TensionTables].intervals, len(estimated))
     frames = estimated[places].tolist()
-    with progress(f"{trial.name}: what is left open", len(frames)) as advance:
+    with progress(f"{trial.name}: intervals of contact forces", len(frames)) as advance:
         warnings = contact_warnings(solution, frames, advance)
     model = trial.model
     if warnings.intervals is not None:

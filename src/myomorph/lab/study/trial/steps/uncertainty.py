@@ -546,7 +546,7 @@ def _notes(failures: Failures, draws: int) -> tuple[Message, ...]:
         notes.append(
             DRAWS.message(
                 f"uncertainty: in {failures.weak} of {draws} draws the muscles are too weak for the"
-                " motion, and they are left out: the model itself is hardly strong enough"
+                " motion, and they are left out: the model itself is barely strong enough"
             )
         )
     return tuple(notes)
