@@ -120,7 +120,8 @@ if not (folder / "study.toml").exists():
         f'model = "{example.model.name}"\\nmass = 4.0\\n'
         f'trials = ["{example.markers.name}"]\\nsteps = ["ik", "id", "muscles", "tension"]\\n')
 plan = mm.read_plan(folder / "study.toml")
-shoulder = mm.write_shoulder_study(folder / "swings", (3,), seconds=6.0, trials=2, raw=(3,))
+recordings = mm.viscosity.ShoulderStudyOptions(seconds=6.0, trials=2, raw=(3,))
+shoulder = mm.write_shoulder_study(folder / "swings", (3,), recordings)
 sys.setprofile(watch)
 threading.setprofile(watch)
 phases.update(trial)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from myomorph.swings.demo import write_shoulder_study
+from myomorph.swings.demo import ShoulderStudyOptions, write_shoulder_study
 from myomorph.swings.viscosity.study.plan import read_viscosity_plan
 from myomorph.swings.viscosity.study.run import run_viscosity
 from myomorph.swings.viscosity.study.specimen_step import read_specimen
@@ -29,7 +29,9 @@ muscles'.
 def test_raw_specimen_and_plain_specimen_are_found(tmp_path: Path) -> None:
     pytest.importorskip("myo_sim")
     plan = read_viscosity_plan(
-        write_shoulder_study(tmp_path / "recordings", (1, 3), seconds=8.0, trials=2)
+        write_shoulder_study(
+            tmp_path / "recordings", (1, 3), ShoulderStudyOptions(seconds=8.0, trials=2)
+        )
     )
     outcomes = run_viscosity(plan, tmp_path / "out")
     assert [outcome.error for outcome in outcomes] == ["", ""]

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from myomorph.bones.morph.maps.fields import BoneMap, FeaturePoints
 from myomorph.bones.morph.morphed import MorphOptions
-from myomorph.bones.morph.transfer.model import Graft, graft_muscles, morph_model
+from myomorph.bones.morph.transfer.model import Graft, MorphTarget, graft_muscles, morph_model
 from myomorph.bones.morph.transfer.virtual_links import BranchLoad, branch_load, branch_places
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.functions import linear
@@ -34,6 +34,7 @@ ENDS = {
 force [N].
 """
 AROUND = {"link": ("lower", "upper")}
+TRUNK = MorphTarget(surrounding=AROUND)
 AT = np.array([0.0, 0.06, 0.0])
 """Where the link is on the lower body [m]."""
 
@@ -238,11 +239,11 @@ def test_a_twin_has_it_where_the_bones_put_it():
     turn = rotation_from_euler_xyz((0.3, -0.8, 0.5))
     model = branched()
     bones = {name: _bone(name, 1.3 * turn) for name in ("lower", "upper")}
-    morph = morph_model(model, bones, surrounding=AROUND)
+    morph = morph_model(model, bones, target=TRUNK)
     measures = morph.bones["link"].measures
     assert measures["moved to balance [m]"] < 1e-9
     assert measures["held by no line of action"] == pytest.approx(branch_load(model, "link").share)
-    left = morph_model(model, bones, MorphOptions(balance=False), surrounding=AROUND)
+    left = morph_model(model, bones, MorphOptions(balance=False), TRUNK)
     for ours, theirs in zip(morph.points, left.points, strict=True):
         np.testing.assert_allclose(ours.target, theirs.target, atol=1e-9)
 
@@ -262,7 +263,7 @@ def test_in_stretched_bones_the_same_tensions_balance(grafted):
             skeleton = replace(model, muscles=())
             morphs.append(graft_muscles(model, skeleton, bones, options, Graft(surrounding=AROUND)))
         else:
-            morphs.append(morph_model(model, bones, options, surrounding=AROUND))
+            morphs.append(morph_model(model, bones, options, TRUNK))
     load = branch_load(model, "link")
     measures = morphs[0].bones["link"].measures
     away = measures["moved to balance [m]"]

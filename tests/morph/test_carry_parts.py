@@ -16,7 +16,7 @@ from myomorph.bones.morph.maps.fields import BoneMap, FeaturePoints, fit_map
 from myomorph.bones.morph.morphed import MorphOptions, TransferredPoint
 from myomorph.bones.morph.transfer.body_transfer import Transfer, scaled_map
 from myomorph.bones.morph.transfer.joints import CenterFinder, transferred_joints
-from myomorph.bones.morph.transfer.model import morph_model
+from myomorph.bones.morph.transfer.model import MorphTarget, morph_model
 from myomorph.bones.morph.transfer.moving_points import reparametrized, translated_path
 from myomorph.bones.morph.transfer.paths import (
     points_left_outside,
@@ -54,6 +54,7 @@ FUNCTIONS = {
     "other spline": simm_spline([-1.5, 0.0, 0.7, 1.0], [0.3, -0.4, 0.2, 0.1]),
 }
 STILL = Transform.identity()
+TOGETHER = MorphTarget(together=True)
 
 
 def test_what_slides_goes_further_and_what_turns_does_not():
@@ -419,11 +420,11 @@ def test_bones_in_one_frame_take_the_center_of_the_bone_that_holds_it():
     head = _femur(1.0, np.zeros(3))
     model, bones = _hip(head, Surface(head.vertices + center, head.faces), center + missed)
     bones["femur"] = replace(bones["femur"], map=AffineMap(np.eye(3), center + missed))
-    joint = morph_model(model, bones, MorphOptions(joints="mapped"), together=True).joints[1]
+    joint = morph_model(model, bones, MorphOptions(joints="mapped"), TOGETHER).joints[1]
     assert joint.gap == pytest.approx(np.linalg.norm(missed))
     for found in (joint.in_parent, joint.in_child):
         np.testing.assert_allclose(found, center + missed, atol=1e-12)
-    fitted = morph_model(model, bones, together=True).joints[1]
+    fitted = morph_model(model, bones, target=TOGETHER).joints[1]
     np.testing.assert_allclose(fitted.in_parent, center, atol=3e-4)
 
 
@@ -502,7 +503,7 @@ def test_declared_virtual_links_of_a_real_model(data):
     links = [body.name for body in model.bodies if body.name.startswith("Abd")]
     around = ("pelvis", "lumbar5", "lumbar1", "thoracic12")
     bones = {name: bone for name, bone in similar(model, 1.2, seed=1).items() if name not in links}
-    morph = morph_model(model, bones, surrounding=dict.fromkeys(links, around))
+    morph = morph_model(model, bones, target=MorphTarget(surrounding=dict.fromkeys(links, around)))
     assert all(morph.bones[link].basis == "surrounding" for link in links)
     before = standing_poses(model)
     after = standing_poses(morph.model)

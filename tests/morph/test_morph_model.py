@@ -12,7 +12,7 @@ from given_maps import given, grown, poses_of, sheared, similar
 from mujoco_models import compiled
 from myomorph.bones.morph.mirror.model import mirrored_motion
 from myomorph.bones.morph.morphed import MorphOptions
-from myomorph.bones.morph.transfer.model import morph_model
+from myomorph.bones.morph.transfer.model import MorphTarget, morph_model
 from myomorph.core.io.mjcf.read import model_from_mujoco
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.model.errors import BadData, UnknownName
@@ -230,7 +230,7 @@ def test_bodies_without_a_bone_take_their_neighbors_size(data):
         "pelvis": given("pelvis", np.eye(3), np.zeros(3)),
         "tibia_r": given("tibia_r", 1.44 * np.eye(3), np.zeros(3)),
     }
-    morph = morph_model(model, bones, mass=60.0)
+    morph = morph_model(model, bones, target=MorphTarget(mass=60.0))
     sizes = {body: bone.whole.scale for body, bone in morph.bones.items()}
     assert sizes["femur_r"] == pytest.approx(1.2)
     assert sizes["toes_r"] == pytest.approx(1.44)
@@ -255,7 +255,7 @@ def test_one_transform_for_all_at_the_scanner(data):
     }
     wrong = bones["femur_r"]
     bones["femur_r"] = given("femur_r", wrong.map.matrix, wrong.map.offset + [0.0, 0.0, 0.004])
-    morph = morph_model(model, bones, together=True)
+    morph = morph_model(model, bones, target=MorphTarget(together=True))
     joints = {one.name: one for one in morph.joints}
     assert joints["hip_r"].gap == pytest.approx(0.004)
     assert joints["hip_l"].gap == pytest.approx(0.0, abs=1e-12)
@@ -320,7 +320,10 @@ def test_force_grows_as_wanted(data, force, expected):
     model = read(data("rajagopal-walk-emg/raw/Rajagopal2016.osim"))
     mass = 90.0 / 75.0 * model.mass
     morph = morph_model(
-        model, similar(model, 1.3), MorphOptions(fibers="path", force=force), mass=mass
+        model,
+        similar(model, 1.3),
+        MorphOptions(fibers="path", force=force),
+        MorphTarget(mass=mass),
     )
     assert {one.name for one in morph.muscles} == set(model.muscle_names)
     for change in morph.muscles:

@@ -11,7 +11,7 @@ from given_maps import given
 
 import opensim_oracle
 from conftest import DATA
-from myomorph.bones.morph.transfer.model import morph_model
+from myomorph.bones.morph.transfer.model import MorphTarget, morph_model
 from myomorph.core.io.osim.read import read_osim
 from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.model import Model
@@ -38,7 +38,7 @@ def morphed(model: Model) -> Model:
         bones[body] = given(
             body, turn @ np.diag(rng.uniform(0.9, 1.2, 3)), rng.uniform(-0.1, 0.1, 3)
         )
-    return morph_model(model, bones, mass=60.0).model
+    return morph_model(model, bones, target=MorphTarget(mass=60.0)).model
 
 
 @pytest.fixture(scope="module")

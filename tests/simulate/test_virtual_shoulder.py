@@ -186,10 +186,12 @@ def test_files_say_what_the_specimen_is(made: VirtualSpecimen, tmp_path) -> None
 
 
 def test_example_study_is_written_and_read(tmp_path) -> None:
-    from myomorph.swings.demo import write_shoulder_study
+    from myomorph.swings.demo import ShoulderStudyOptions, write_shoulder_study
     from myomorph.swings.viscosity.study.plan import read_viscosity_plan
 
-    path = write_shoulder_study(tmp_path / "here", (3,), seconds=1.0, trials=1)
+    path = write_shoulder_study(
+        tmp_path / "here", (3,), ShoulderStudyOptions(seconds=1.0, trials=1)
+    )
     raw = tomllib.loads(path.read_text())
     assert raw["specimen"][0]["truth"]["muscle_viscosity"] == 362.0
     plan = read_viscosity_plan(path)

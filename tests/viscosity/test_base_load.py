@@ -20,7 +20,11 @@ from myomorph.swings.viscosity.identification.base_load import (
     with_base_load,
 )
 from myomorph.swings.viscosity.identification.budget import ErrorOptions
-from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.identification.identify import (
+    MeasuredMuscles,
+    ViscosityOptions,
+    identify_specimen,
+)
 from myomorph.swings.viscosity.identification.instruments import Instruments
 from myomorph.swings.viscosity.report.tables import span, with_interval
 from myomorph.swings.viscosity.trust.checks import base_findings
@@ -92,7 +96,11 @@ def test_loads_of_both_conditions_bound_each_other():
 def test_muscles_weigh_no_more_than_the_scale_says(light):
     whole = [replace(each, wrench=1.3 * each.wrench) for each in light]
     both = identify_specimen(
-        "both", light, whole, measured_muscle_mass=0.65, options=replace(OPTIONS, draws=20)
+        "both",
+        light,
+        whole,
+        MeasuredMuscles(mass=0.65),
+        options=replace(OPTIONS, draws=20),
     )
     shown = both.muscle_mass.value
     assert shown == pytest.approx(0.3 * LIMB[0], rel=1e-3)

@@ -12,7 +12,11 @@ from scipy.spatial.transform import Rotation
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.inertia import pseudo_inertias
 from myomorph.swings.viscosity.identification.condition import Influences, solve_condition
-from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.identification.identify import (
+    MeasuredMuscles,
+    ViscosityOptions,
+    identify_specimen,
+)
 from myomorph.swings.viscosity.identification.inertia import InertiaOptions, limb_inertia
 from myomorph.swings.viscosity.identification.torque import (
     joint_viscosity,
@@ -87,8 +91,7 @@ def test_values_by_pcsa_are_the_shares_times_their_factor():
         "shares",
         three_releases(BARE, 4.0),
         three_releases(made, 4.0),
-        dict(zip(MUSCLES, shares, strict=True)),
-        0.7,
+        MeasuredMuscles(pcsa=dict(zip(MUSCLES, shares, strict=True)), mass=0.7),
         OPTIONS,
     )
     assert found.muscles.by_pcsa.value == pytest.approx(90.0, rel=1e-8)
@@ -315,7 +318,7 @@ def test_one_condition_is_enough_and_the_other_is_named(bare):
 
 def test_bad_input_is_named(bare, whole):
     with pytest.raises(UnknownName, match="muscle 0"):
-        identify_specimen("pcsa", bare, whole, {"other": 1.0}, options=OPTIONS)
+        identify_specimen("pcsa", bare, whole, MeasuredMuscles(pcsa={"other": 1.0}), OPTIONS)
     with pytest.raises(BadData, match="mass is"):
         limb_inertia(swing_sums([remade(one, wrench=-one.wrench) for one in bare]))
     lost = np.array(bare[0].rates)

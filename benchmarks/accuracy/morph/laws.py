@@ -258,7 +258,7 @@ def _morphed(model: mm.Model, bones: dict[str, BoneMap], balance: bool) -> Morph
     options = MorphOptions(
         joints="mapped", clear=False, fibers="keep", force="keep", balance=balance
     )
-    return mm.morph_model(model, bones, options, surrounding={LINK: AROUND})
+    return mm.morph_model(model, bones, options, mm.morph.MorphTarget(surrounding={LINK: AROUND}))
 
 
 def _changed(

@@ -150,7 +150,7 @@ def persons(folder: Path) -> tuple[Person, ...]:
             for body, paths in files.items()
         }
         bones = map_bones(model, ours, TargetBones(surfaces=theirs, together=True), settings)
-        morph = mm.morph_model(model, bones, settings.morph, together=True)
+        morph = mm.morph_model(model, bones, settings.morph, mm.morph.MorphTarget(together=True))
         checks = check_morph(
             morph,
             None,
@@ -382,7 +382,7 @@ def measure_clearing(folder: Path) -> Iterator[Row]:
             morph.source,
             morph.bones,
             MorphOptions(clear=False, fibers="keep", force="keep"),
-            together=together,
+            mm.morph.MorphTarget(together=together),
         )
         pairs = compared_coordinates(mapped.source, mapped.model)
         ground = Ground.of(

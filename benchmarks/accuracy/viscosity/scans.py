@@ -76,24 +76,19 @@ def modelled(points: Array) -> Array:
 
 def scan_run(number: int) -> ScanRun:
     """One specimen with muscles of full size from its files, by the defaults of a study."""
-    from myomorph.swings.demo import write_shoulder_study
+    from myomorph.swings.demo import ShoulderStudyOptions, write_shoulder_study
     from myomorph.swings.viscosity.study.options import StudyOptions
     from myomorph.swings.viscosity.study.plan import read_viscosity_plan
     from myomorph.swings.viscosity.study.specimen import study_specimen
 
     with tempfile.TemporaryDirectory() as folder:
-        path = write_shoulder_study(
-            Path(folder),
-            (number,),
-            seconds=SECONDS,
-            trials=TRIALS,
-            raw=(number,),
-            full_size=True,
-            modelled=modelled,
+        options = ShoulderStudyOptions(
+            seconds=SECONDS, trials=TRIALS, raw=(number,), full_size=True, modelled=modelled
         )
+        path = write_shoulder_study(Path(folder), (number,), options)
         plan = read_viscosity_plan(path)
-        options = StudyOptions.of(dict(plan.settings))
-        report = study_specimen(plan.specimens[0], options, lambda part: None).report
+        settings = StudyOptions.of(dict(plan.settings))
+        report = study_specimen(plan.specimens[0], settings, lambda part: None).report
     kinds = () if report.arms is None else report.arms.kinds
     arms = next(
         ((one.low, one.high) for one in kinds if one.kind.startswith("offset")),

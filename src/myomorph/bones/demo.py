@@ -26,7 +26,7 @@ from myomorph.bones.morph.maps.fields import (
     fit_map,
 )
 from myomorph.bones.morph.morphed import Morph, MorphOptions
-from myomorph.bones.morph.transfer.model import morph_model
+from myomorph.bones.morph.transfer.model import MorphTarget, morph_model
 from myomorph.bones.report.morph_summary import morph_lines
 from myomorph.bones.study.morphing import (
     STEP,
@@ -301,9 +301,8 @@ def run_morph_demo(out: Path) -> MorphDemo:
     settings = MorphSettings()
     bones = map_bones(model, ours, TargetBones(surfaces=theirs, landmarks=pairs), settings)
     with progress("muscles", 2 * (COUNT + 1), "postures") as advance:
-        morph = morph_model(
-            model, bones, settings.morph, name="leg in deformed bones", progress=advance
-        )
+        target = MorphTarget(name="leg in deformed bones")
+        morph = morph_model(model, bones, settings.morph, target, advance)
     with progress("checks", PARTS, "parts") as advance:
         checks = check_morph(morph, progress=advance)
     with progress("intervals", DRAWS, "models") as advance:

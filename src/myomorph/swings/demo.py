@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -55,15 +56,31 @@ def run_shoulder_demo(out: Path, said: Callable[[Outcome], None]) -> list[Outcom
     return run_viscosity(read_viscosity_plan(write_shoulder_study(out / RECORDINGS)), out, said)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ShoulderStudyOptions:
+    """Options of the virtual specimens' recordings.
+
+    Attributes
+    ----------
+    seconds : length of each release [s]
+    trials : number of releases of each condition
+    raw : those that come as C3D files of a plate that lies elsewhere, with pushes of a rod and a CT
+    full_size : muscles of the model's size, with the viscosity that gives the total one of the
+        table
+    modelled : bones of the model out of those of a raw specimen, as in `write_scans`
+    """
+
+    seconds: float = SECONDS
+    trials: int = TRIALS
+    raw: Sequence[int] = (WHOLE,)
+    full_size: bool = False
+    modelled: Callable[[Array], Array] | None = None
+
+
 def write_shoulder_study(
     folder: Path,
     numbers: Sequence[int] = tuple(range(1, len(SPECIMENS) + 1)),
-    *,
-    seconds: float = SECONDS,
-    trials: int = TRIALS,
-    raw: Sequence[int] = (WHOLE,),
-    full_size: bool = False,
-    modelled: Callable[[Array], Array] | None = None,
+    options: ShoulderStudyOptions | None = None,
 ) -> Path:
     """Swing the virtual specimens in MuJoCo and write models, markers, forces and the study file.
 
@@ -71,11 +88,7 @@ def write_shoulder_study(
     ----------
     folder : made where it does not exist
     numbers : of the specimens, 1 to 6
-    seconds, trials : length [s] and number of the releases of each condition
-    raw : those that come as C3D files of a plate that lies elsewhere, with pushes of a rod and a CT
-    full_size : muscles of the model's size, with the viscosity that gives the total one of the
-        table
-    modelled : bones of the model out of those of a raw specimen, as in `write_scans`
+    options : length, number and kind of the recordings; see `ShoulderStudyOptions`
 
     Returns
     -------
@@ -89,10 +102,12 @@ def write_shoulder_study(
     --------
     >>> from pathlib import Path
     >>> import myomorph as mm
-    >>> study = mm.write_shoulder_study(Path("virtual"), (3,), seconds=3.0, trials=1, raw=())
+    >>> short = mm.viscosity.ShoulderStudyOptions(seconds=3.0, trials=1, raw=())
+    >>> study = mm.write_shoulder_study(Path("virtual"), (3,), short)
     >>> study.name
     'shoulder.toml'
     """
+    options = options or ShoulderStudyOptions()
     folder.mkdir(parents=True, exist_ok=True)
     arm_model()
     with progress("simulation", len(numbers), "specimens") as advance:
@@ -100,18 +115,18 @@ def write_shoulder_study(
         def made(number: int) -> str:
             specimen = virtual_specimen(
                 number,
-                seconds=seconds,
-                trials=trials,
-                setup=Setup(full_size=full_size, loads=base_loads(number)),
+                seconds=options.seconds,
+                trials=options.trials,
+                setup=Setup(full_size=options.full_size, loads=base_loads(number)),
             )
-            table = _write_specimen(specimen, folder, number in raw, modelled)
+            table = _write_specimen(specimen, folder, number in options.raw, options.modelled)
             advance(1.0)
             return table
 
         # MuJoCo runs outside Python's lock.
         with ThreadPoolExecutor(WORKERS) as pool:
             tables = list(pool.map(made, numbers))
-    text = "\n".join([_head(seconds, trials, laboratory.Noise(), raw, full_size), *tables])
+    text = "\n".join([_head(options, laboratory.Noise()), *tables])
     (folder / STUDY).write_text(text, encoding="utf-8")
     return folder / STUDY
 
@@ -205,15 +220,13 @@ def _pairs(values: dict[str, float]) -> str:
     return ", ".join(f"{name} = {value!r}" for name, value in values.items())
 
 
-def _head(
-    seconds: float, trials: int, noise: laboratory.Noise, raw: Sequence[int], full_size: bool
-) -> str:
+def _head(made: ShoulderStudyOptions, noise: laboratory.Noise) -> str:
     lines = [
         (
             "Everything: six virtual arms (bones and muscles of MyoArm, package myo-sim) with the"
             " masses, mass centers and viscosities of the paper's tables I and II, released"
-            f" {trials} times for {seconds:g} s without muscles and as often with them, in MuJoCo;"
-            " nobody was measured."
+            f" {made.trials} times for {made.seconds:g} s without muscles and as often with them,"
+            " in MuJoCo; nobody was measured."
         ),
         (
             f"Standard deviations of the white noise: markers {1000 * noise.marker:g} mm, forces"
@@ -226,8 +239,8 @@ def _head(
             " ranges."
         ),
     ]
-    if raw:
-        numbers = ", ".join(f"{number:02d}" for number in raw)
+    if made.raw:
+        numbers = ", ".join(f"{number:02d}" for number in made.raw)
         lines.append(
             f"Raw is specimen {numbers}: C3D of a plate that"
             " lies up to 1.5 degrees and 8 mm an axis off its place in the file, pushes of a rod"
@@ -235,7 +248,7 @@ def _head(
             " points picked 0.5 mm off."
         )
     options = ""
-    if not full_size:
+    if not made.full_size:
         lines += [
             (
                 "The tables' viscosities cannot all hold with muscles of full size: they imply"

@@ -16,4 +16,6 @@ from .morphed import MorphOptions as MorphOptions
 from .morphed import MuscleChange as MuscleChange
 from .morphed import RebuiltJoint as RebuiltJoint
 from .morphed import TransferredPoint as TransferredPoint
+from .registration.map_bone import BoneMapOptions as BoneMapOptions
 from .registration.smooth import MatchOptions as MatchOptions
+from .transfer.model import MorphTarget as MorphTarget

@@ -20,10 +20,10 @@ from myomorph.bones.morph.maps.fields import BoneMap, FeaturePoints, MapOptions
 from myomorph.bones.morph.mirror.model import with_mirrored_bones
 from myomorph.bones.morph.morphed import Morph, MorphOptions
 from myomorph.bones.morph.registration.bone_checks import bone_length, check_exchange, check_units
-from myomorph.bones.morph.registration.map_bone import map_bone
+from myomorph.bones.morph.registration.map_bone import BoneMapOptions, map_bone
 from myomorph.bones.morph.registration.neighbors import start_by_neighbors
 from myomorph.bones.morph.registration.smooth import MatchOptions
-from myomorph.bones.morph.transfer.model import morph_model
+from myomorph.bones.morph.transfer.model import MorphTarget, morph_model
 from myomorph.bones.report.morph_summary import morph_lines
 from myomorph.bones.study.morph_files import (
     BonesTable,
@@ -99,10 +99,10 @@ def morph_files(files: MorphFiles, settings: MorphSettings, model: Model | None 
             model,
             bones,
             settings.morph,
-            mass=files.mass,
-            together=files.together,
-            surrounding=files.links or None,
-            progress=advance,
+            MorphTarget(
+                mass=files.mass, together=files.together, surrounding=files.links or FrozenMap({})
+            ),
+            advance,
         )
     if files.mass is not None or skin is not None:
         from myomorph.bones.study.morph_masses import with_morphed_masses
@@ -173,9 +173,8 @@ def _map(
     """Map one bone; one without landmarks that fits poorly is compared with the other bones."""
     surface = target.surfaces.get(body)
     points = target.landmarks.get(body)
-    bone = map_bone(
-        body, ours.get(body), surface, points, settings.map, settings.match, start=start
-    )
+    options = BoneMapOptions(map=settings.map, match=settings.match, start=start)
+    bone = map_bone(body, ours.get(body), surface, points, options)
     alike = bone.measures.get("agreement", 1.0)
     if surface is not None and points is None and alike < POOR_AGREEMENT:
         check_exchange(body, surface, ours)

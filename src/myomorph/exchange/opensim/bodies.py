@@ -156,16 +156,21 @@ def body_kinematics(here: Analyzed, analysis: Analysis) -> Result:
         labels += [f"{WHOLE}_{axis}" for axis in "XYZ"]
         whole = _center_of_mass(model, moved, numbers)
         values = [np.hstack(pair) for pair in zip(values, whole, strict=True)]
-    place = "bodyLocal" if in_body else "global"
-    tables = {}
-    for (kind, title), part in zip(TITLES.items(), values, strict=True):
-        frame = place if kind != "pos" else "global"
-        tables[f"{kind}_{frame}"] = here.table(labels, part, title, degrees)
+    tables = {
+        _table_name(kind, in_body): here.table(labels, part, title, degrees)
+        for (kind, title), part in zip(TITLES.items(), values, strict=True)
+    }
     return (
         tables,
         f"body kinematics: {len(here.motion)} frames, {len(bodies)} bodies",
         tuple(notes),
     )
+
+
+def _table_name(kind: str, in_body: bool) -> str:
+    """Name a table of BodyKinematics by its frame; positions are in ground."""
+    frame = "bodyLocal" if in_body and kind != "pos" else "global"
+    return f"{kind}_{frame}"
 
 
 def _body_values(

@@ -1,6 +1,8 @@
 # The public names of `mm.viscosity`: recordings of swinging limbs, estimates and studies.
+from ..demo import ShoulderStudyOptions as ShoulderStudyOptions
 from .identification.base_load import BaseLoad as BaseLoad
 from .identification.identify import Condition as Condition
+from .identification.identify import MeasuredMuscles as MeasuredMuscles
 from .identification.identify import MuscleViscosity as MuscleViscosity
 from .identification.identify import SpecimenViscosity as SpecimenViscosity
 from .identification.identify import ViscosityOptions as ViscosityOptions

@@ -80,7 +80,7 @@ def check_morph(
     >>> places = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.05]])
     >>> pairs = mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places)
     >>> fore = mm.map_bone("fore", None, None, pairs)
-    >>> checks = mm.morph.check_morph(mm.morph_model(model, {"fore": fore}, mass=4.0))
+    >>> checks = mm.morph.check_morph(mm.morph_model(model, {"fore": fore}))
     >>> [warning.kind for warning in checks.warnings], len(checks.arms)
     ([], 2)
     """

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
@@ -49,7 +48,25 @@ the same, about 1 of a pelvis.
 """
 
 ROUNDS = 3  # Times that features are taken out where the map folds.
-STEPS = 3  # Of `map_bone`: checked, matched, mapped.
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BoneMapOptions:
+    """Options of the map of one bone.
+
+    Attributes
+    ----------
+    map : how the space around the bone is mapped
+    match : how surfaces are matched
+    target_body : name of the body in the target; that of the source where it is empty
+    start : rough pose of the bone in the target, for bones without landmarks, such as the pose of
+        its neighbors in bones that share a frame
+    """
+
+    map: MapOptions = field(default_factory=MapOptions)
+    match: MatchOptions = field(default_factory=MatchOptions)
+    target_body: str = ""
+    start: Similarity | None = None
 
 
 def map_bone(
@@ -57,13 +74,9 @@ def map_bone(
     source: Surface | None,
     target: Surface | None,
     landmarks: FeaturePoints | None = None,
-    map_options: MapOptions | None = None,
-    match: MatchOptions | None = None,
-    target_body: str = "",
-    progress: Callable[[int], None] | None = None,
-    start: Similarity | None = None,
+    options: BoneMapOptions | None = None,
 ) -> BoneMap:
-    """How what is fixed to a body becomes fixed to the target's bone.
+    """Map what is fixed to a body to the target's bone.
 
     With both surfaces the map goes through points spread over them and through the landmarks; with
     one or none, or where the options say so, through the landmarks alone. If none are given then,
@@ -76,12 +89,7 @@ def map_bone(
     body : of the source
     source, target : surfaces in their bodies' frames; None where there is none
     landmarks : of the bone, in the source's and the target's frame
-    map_options : how the space around the bone is mapped; see `MapOptions`
-    match : how surfaces are matched; see `MatchOptions`
-    target_body : its name in the target; `body` where it is empty
-    progress : called with the steps just done, of `STEPS`
-    start : where the bone roughly lies, where landmarks do not say so: as its neighbors, in bones
-        that share a frame
+    options : see `BoneMapOptions`
 
     Returns
     -------
@@ -104,35 +112,32 @@ def map_bone(
     >>> found.map.apply(np.array([[0.1, 0.1, 0.0]])).round(3)
     array([[0.12, 0.12, 0.  ]])
     """
-    match = match or MatchOptions()
+    options = options or BoneMapOptions()
+    match = options.match
     landmarks = landmarks if landmarks is not None and len(landmarks) else None
-    advance = progress or (lambda _: None)
-    pair = _checked_pair(body, (source, target), landmarks, start, match)
+    pair = _checked_pair(body, (source, target), landmarks, options)
     source = pair.source
     target = pair.target
     notes = list(pair.notes)
     measures: dict[str, float] = {}
     basis: Basis = "landmarks"
-    advance(1)
     if source is not None and target is not None and match.features == "dense":
         basis = "bone"
         surface_match = match_surfaces(source, target, landmarks, match, pair.placed)
         notes += surface_match.notes
         measures |= surface_match.quality.measures(surface_match.length)
-        features = _features(body, surface_match, landmarks, match, map_options)
+        features = _features(body, surface_match, landmarks, options)
     elif landmarks is not None:
         features = landmarks
     else:
         features = _found_by_rules(body, source, target, pair.placed, notes)
-    advance(1)
-    features, mapping = _unfolded(features, landmarks, source, map_options)
+    features, mapping = _unfolded(features, landmarks, source, options.map)
     notes += feature_warnings(features)
     inside_out = _inside_out(mapping, features.source if source is None else source.vertices, notes)
     measures |= {"features": float(len(features)), "map inverted": inside_out}
-    advance(1)
     return BoneMap(
         body=body,
-        target_body=target_body or body,
+        target_body=options.target_body or body,
         map=mapping,
         whole=procrustes(features.source, features.target, True, features.weights),
         basis=basis,
@@ -158,8 +163,7 @@ def _checked_pair(
     body: str,
     surfaces: tuple[Surface | None, Surface | None],
     landmarks: FeaturePoints | None,
-    start: Similarity | None,
-    match: MatchOptions,
+    options: BoneMapOptions,
 ) -> _CheckedPair:
     """Repair a bone's surfaces of source and target, lay them on each other and check them."""
     source, target = surfaces
@@ -171,7 +175,7 @@ def _checked_pair(
         target = repaired_bone(target, f"the bone of '{body}'", notes)
         lies = None
         if source is not None:
-            placed = place_bone(source, target, landmarks, start, match)
+            placed = place_bone(source, target, landmarks, options.start, options.match)
             _check_side(body, placed, notes)
             lies = placed.similarity
         notes += check_bone(body, target, source, landmarks, lies)
@@ -225,10 +229,10 @@ def _features(
     body: str,
     surface_match: SurfaceMatch,
     landmarks: FeaturePoints | None,
-    match: MatchOptions,
-    map_options: MapOptions | None,
+    options: BoneMapOptions,
 ) -> FeaturePoints:
     """Return the landmarks, and the first evenly spread pairs that are not too near to one."""
+    match = options.match
     if len(surface_match.pairs) < MIN_COUNT:
         raise BadData(
             f"the bones of '{body}' meet at {len(surface_match.pairs)} of {match.match_points}"
@@ -240,7 +244,7 @@ def _features(
         return dense
     spacing = float(np.median(scipy.spatial.cKDTree(dense.source).query(dense.source, 2)[0][:, 1]))
     apart = np.linalg.norm(
-        fit_map(dense, map_options).apply(landmarks.source) - landmarks.target, axis=1
+        fit_map(dense, options.map).apply(landmarks.source) - landmarks.target, axis=1
     )
     reach = np.maximum(BESIDE * spacing, STEEP * apart / surface_match.placed.similarity.scale)
     away = np.linalg.norm(dense.source[:, None] - landmarks.source, axis=2)
@@ -251,7 +255,7 @@ def _unfolded(
     features: FeaturePoints,
     landmarks: FeaturePoints | None,
     source: Surface | None,
-    options: MapOptions | None,
+    options: MapOptions,
 ) -> tuple[FeaturePoints, PointMap]:
     """Fit a map without the dense features around which it would fold.
 

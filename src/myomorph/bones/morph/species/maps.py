@@ -18,7 +18,7 @@ from myomorph.bones.morph.maps.fields import (
     fit_map,
 )
 from myomorph.bones.morph.morphed import Architecture, Morph, MorphOptions, TransferredPoint
-from myomorph.bones.morph.registration.map_bone import map_bone
+from myomorph.bones.morph.registration.map_bone import BoneMapOptions, map_bone
 from myomorph.bones.morph.registration.smooth import MatchOptions
 from myomorph.bones.morph.species import counterparts
 from myomorph.bones.morph.species.architecture import (
@@ -185,7 +185,10 @@ def _map(
             shapes[0],
             Surface(scaling.apply(shapes[1].vertices), shapes[1].faces),
         )
-    bone_map = map_bone(bone.sources[0], *surfaces, points, options.map, match, bone.targets[0])
+    chosen = BoneMapOptions(
+        map=options.map or MapOptions(), match=match, target_body=bone.targets[0]
+    )
+    bone_map = map_bone(bone.sources[0], *surfaces, points, chosen)
     return _stretched(bone_map, shapes[0], shapes[1], scaling.inverse()), tuple(notes)
 
 

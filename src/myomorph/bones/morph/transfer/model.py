@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from myomorph.bones.morph.checks.clearance import cleared
@@ -52,15 +52,30 @@ PosturePair = tuple[Mapping[str, float], Mapping[str, float]]
 """Postures of source and target: values of coordinates that are not at their defaults."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class MorphTarget:
+    """What is known of the new model besides the maps of its bones.
+
+    Attributes
+    ----------
+    mass : of the new model [kg]; by default masses grow with the bones' volumes
+    name : of the new model; by default the old one's
+    together : the target's bones share one frame, as in one scan, so that parent and child must
+        agree on joint centers
+    surrounding : bodies that are virtual links, with the bones around each
+    """
+
+    mass: float | None = None
+    name: str = ""
+    together: bool = False
+    surrounding: Mapping[str, Sequence[str]] = field(default_factory=lambda: FrozenMap({}))
+
+
 def morph_model(
     model: Model,
     bones: Mapping[str, BoneMap],
     options: MorphOptions | None = None,
-    *,
-    mass: float | None = None,
-    name: str = "",
-    together: bool = False,
-    surrounding: Mapping[str, Sequence[str]] | None = None,
+    target: MorphTarget | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> Morph:
     """Transfer a model to other bones: joints, muscles and all that is fixed to its bodies.
@@ -77,11 +92,7 @@ def morph_model(
     model : whose muscles, joints and markers are transferred
     bones : maps by body, "ground" among them where it holds a bone; at least one
     options : what is transferred how; see `MorphOptions`
-    mass : of the new model [kg]; by default masses grow with the bones' volumes
-    name : of the new model; by default the old one's
-    together : the target's bones share one frame, as in one scan, so that parent and child must
-        agree on joint centers
-    surrounding : bodies that are virtual links, with the bones around each
+    target : mass, name and frame of the new model; see `MorphTarget`
     progress : called with the number of postures just done, of which there are `postures.COUNT` + 1
         for each model
 
@@ -101,27 +112,29 @@ def morph_model(
     >>> places = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.0, 0.3, 0.0], [0.0, 0.0, 0.05]])
     >>> pairs = mm.morph.FeaturePoints(("a", "b", "c", "d"), places, 1.2 * places)
     >>> fore = mm.map_bone("fore", None, None, pairs)
-    >>> found = mm.morph_model(mm.read_model("arm.osim"), {"fore": fore}, mass=4.0)
+    >>> target = mm.morph.MorphTarget(mass=4.0)
+    >>> found = mm.morph_model(mm.read_model("arm.osim"), {"fore": fore}, target=target)
     >>> found.model.markers[2].location[:2].round(3).tolist()
     [0.048, -0.12]
     """
     options = options or MorphOptions()
+    target = target or MorphTarget()
     refuse_path_functions(model.muscles, "morphing")
     _check(model, bones)
     transfers = {body: Transfer(bone, body) for body, bone in with_neighbors(model, bones).items()}
-    finder = CenterFinder(transfers, options.joints == "fitted", together)
+    finder = CenterFinder(transfers, options.joints == "fitted", target.together)
     joints = transferred_joints(model, transfers, finder)
-    links = bones_around(model, bones, surrounding)
+    links = bones_around(model, bones, target.surrounding or None)
     # Their joints stay where their neighbors' size puts them: the pose in which bones are compared
     # hangs on them.
     standing = (standing_poses(model), standing_poses(joints.skeleton)) if links else ({}, {})
     transfers |= link_carriers(links, transfers, *standing, {link: link for link in links})
-    skeleton = replace(joints.skeleton, name=name or model.name, warnings=())
+    skeleton = replace(joints.skeleton, name=target.name or model.name, warnings=())
     whole = SourceLines.of(model)
 
     def transferred(by: Transfers) -> tuple[Model, LinesOfAction]:
         lines = transferred_lines(whole, by, joints.travel, options.surface_within)
-        return _with_parts(skeleton, model, lines, by, mass), lines
+        return _with_parts(skeleton, model, lines, by, target.mass), lines
 
     if options.balance:
         transfers = balanced_links(model, links, transfers, lambda by: transferred(by)[0])

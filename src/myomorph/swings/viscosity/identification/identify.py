@@ -247,12 +247,25 @@ class SpecimenViscosity:
         return known
 
 
+@dataclass(frozen=True, kw_only=True)
+class MeasuredMuscles:
+    """What was measured of a specimen's muscles themselves.
+
+    Attributes
+    ----------
+    pcsa : physiological cross-section of each muscle, in any unit; even shares where None
+    mass : of the removed muscles on a scale [kg]
+    """
+
+    pcsa: Mapping[str, float] | None = None
+    mass: float | None = None
+
+
 def identify_specimen(
     name: str,
     without: Sequence[SwingRecording],
     intact: Sequence[SwingRecording],
-    pcsa: Mapping[str, float] | None = None,
-    measured_muscle_mass: float | None = None,
+    measured: MeasuredMuscles | None = None,
     options: ViscosityOptions | None = None,
 ) -> SpecimenViscosity:
     """Inertia, joint viscosity and muscle viscosity of one specimen, each with its interval.
@@ -269,8 +282,7 @@ def identify_specimen(
     ----------
     name : of the specimen
     without, intact : recordings of the limb, muscles removed and intact; either may be empty
-    pcsa : physiological cross-section of each muscle, in any unit; even shares where None
-    measured_muscle_mass : of the removed muscles on a scale [kg]
+    measured : what was measured of the muscles themselves; see `MeasuredMuscles`
     options : see `ViscosityOptions`
 
     Returns
@@ -281,13 +293,14 @@ def identify_specimen(
     Raises
     ------
     BadData : neither condition can be identified
-    UnknownName : `pcsa` lacks a muscle
+    UnknownName : a muscle is missing in `measured.pcsa`
 
     Examples
     --------
     >>> from pathlib import Path
     >>> import myomorph as mm
-    >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
+    >>> short = mm.viscosity.ShoulderStudyOptions(seconds=6.0, trials=1, raw=())
+    >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), short)
     >>> plan = mm.viscosity.read_viscosity_plan(study)
     >>> swings = mm.viscosity.read_swings(plan.specimens[0], cutoff=6.0)
     >>> options = mm.viscosity.ViscosityOptions(draws=20)
@@ -296,6 +309,7 @@ def identify_specimen(
     True
     """
     options = options or ViscosityOptions()
+    measured = measured or MeasuredMuscles()
     recordings = {"without": without, "with": intact}
     muscles = muscle_mass = least_muscle_mass = None
     # One thread of BLAS each: the matrices are small, and the two conditions are solved side by
@@ -312,7 +326,7 @@ def identify_specimen(
             full = solutions["with"]
             muscle_mass, least_muscle_mass = _muscle_mass(bare, full, options)
             if full.sums.muscles:
-                muscles = _muscles(bare, full, pcsa, options)
+                muscles = _muscles(bare, full, measured.pcsa, options)
     for condition, solution in solutions.items():
         notes += [f"{STATES[condition]}: {warning}" for warning in _warnings(solution)]
     return SpecimenViscosity(
@@ -321,7 +335,7 @@ def identify_specimen(
         intact=identified.get("with"),
         muscles=muscles,
         muscle_mass=muscle_mass,
-        measured_muscle_mass=measured_muscle_mass,
+        measured_muscle_mass=measured.mass,
         notes=tuple(notes),
         least_muscle_mass=least_muscle_mass,
     )

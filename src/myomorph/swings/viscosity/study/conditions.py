@@ -342,7 +342,7 @@ def _identified(
     shares = (
         dict(zip(specimen.muscles, forces.tolist(), strict=True)) if (forces > 0.0).all() else None
     )
-    pcsa = files.pcsa or shares
+    measured = identify.MeasuredMuscles(pcsa=files.pcsa or shares, mass=files.measured_muscle_mass)
     recordings = {
         name: conditions[name].recordings if name in conditions else () for name in CONDITIONS
     }
@@ -353,9 +353,7 @@ def _identified(
         bare_name, full_name = CONDITIONS
         bare = recordings[bare_name] if bare_name in which else ()
         full = recordings[full_name] if full_name in which else ()
-        return identify.identify_specimen(
-            files.name, bare, full, pcsa, files.measured_muscle_mass, chosen
-        )
+        return identify.identify_specimen(files.name, bare, full, measured, chosen)
 
     hidden = [name for name, condition in conditions.items() if condition.hides_mass]
     if not hidden:

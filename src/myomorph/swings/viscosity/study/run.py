@@ -147,9 +147,9 @@ def run_viscosity(
     >>> from dataclasses import replace
     >>> from pathlib import Path
     >>> import myomorph as mm
-    >>> plan = mm.viscosity.read_viscosity_plan(
-    ...     mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
-    ... )
+    >>> short = mm.viscosity.ShoulderStudyOptions(seconds=6.0, trials=1, raw=())
+    >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), short)
+    >>> plan = mm.viscosity.read_viscosity_plan(study)
     >>> plan = replace(plan, settings={"identification": {"draws": 20}})
     >>> outcomes = mm.viscosity.run_viscosity(plan, Path("swung"))
     >>> [outcome.error for outcome in outcomes], Path("swung/cohort.csv").exists()

@@ -255,7 +255,8 @@ def read_swings(
     --------
     >>> from pathlib import Path
     >>> import myomorph as mm
-    >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
+    >>> short = mm.viscosity.ShoulderStudyOptions(seconds=6.0, trials=1, raw=())
+    >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), short)
     >>> specimen = mm.viscosity.read_viscosity_plan(study).specimens[0]
     >>> swings = mm.viscosity.read_swings(specimen, cutoff=6.0)
     >>> [(len(trials), len(trials[0].muscles)) for trials in swings.values()]

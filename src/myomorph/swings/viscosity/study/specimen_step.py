@@ -95,7 +95,8 @@ def read_estimates(folder: str | Path) -> Mapping[str, Interval]:
     >>> from dataclasses import replace
     >>> from pathlib import Path
     >>> import myomorph as mm
-    >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), seconds=6.0, trials=1, raw=())
+    >>> short = mm.viscosity.ShoulderStudyOptions(seconds=6.0, trials=1, raw=())
+    >>> study = mm.write_shoulder_study(Path("shoulder"), (3,), short)
     >>> plan = mm.viscosity.read_viscosity_plan(study)
     >>> plan = replace(plan, settings={"identification": {"draws": 20}})
     >>> _ = mm.viscosity.run_viscosity(plan, Path("swung"))
