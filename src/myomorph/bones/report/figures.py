@@ -62,8 +62,8 @@ def body_figure(morph: Morph) -> str:
     sizes = " and ".join(
         f"{whose} ({name}) {_length(scene.high - scene.low)}" for whose, name, scene in both
     )
-    drawn = "one scale" if alike else "each at a scale of its own"
-    unit = f"{sizes} high; {drawn}"
+    scale_words = "one scale" if alike else "each at a scale of its own"
+    unit = f"{sizes} high; {scale_words}"
     return picture_row(
         "Source and target",
         [picture for _, picture in order],
