@@ -146,7 +146,7 @@ def test_standing_still_excites_nothing(opencap):
     )
     found = usable(model, still, standing)
     assert found.use.all()
-    with pytest.raises(BadData, match="excites nothing"):
+    with pytest.raises(BadData, match="is not exciting"):
         check_excited(model, (found,))
     walking = usable(model, motion, wrenches, options=OPTIONS)
     check_excited(model, (walking,))

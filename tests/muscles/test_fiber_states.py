@@ -171,7 +171,7 @@ def test_where_no_equilibrium_is_found_the_given_length_stands():
 def test_classes_that_are_not_built_are_named():
     model = one_muscle("Schutte1993Muscle_Deprecated")
     assert without_fibers(model) == ("Schutte1993Muscle_Deprecated",)
-    with pytest.raises(BadData, match="fibers of Schutte1993Muscle_Deprecated are not built"):
+    with pytest.raises(BadData, match="fibers of Schutte1993Muscle_Deprecated are not supported"):
         fiber_states(model, LENGTHS, SPEEDS)
     with pytest.raises(BadData, match=r"expected lengths and speeds of shape \(frames, 1\)"):
         fiber_states(one_muscle("Thelen2003Muscle"), LENGTHS, SPEEDS[:, :0])

@@ -178,7 +178,7 @@ def test_inverse_dynamics_of_opensim_3(data, tmp_path):
             "expected three numbers",
         ),
         ("<BodyKinematics><bodies>hand</bodies></BodyKinematics>", BadData, "none of its bodies"),
-        ("<InverseDynamics/>", BadData, "use_model_force_set is not built"),
+        ("<InverseDynamics/>", BadData, "use_model_force_set is not supported"),
         (
             "<InducedAccelerations/>",
             BadData,

@@ -133,7 +133,7 @@ def test_swapped_markers_are_put_right(one, other, part):
     assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     (note,) = tracked.trials[0].notes
     assert f"'{one}' and '{other}'" in note
-    assert "put right" in note
+    assert "corrected" in note
     assert ("throughout" if part == slice(None) else "between 1.00 and 2.10 s") in note
 
 

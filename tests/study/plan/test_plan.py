@@ -122,7 +122,7 @@ def test_everything_wrong_is_told_at_once(folder):
             SMALLEST + "[options.tension]\nweights = 'heavy'\n",
             ("options.tension.weights", "'volume'"),
         ),
-        (SMALLEST.replace('"ik", ', ""), ("lack 'ik'",)),
+        (SMALLEST.replace('"ik", ', ""), ("'ik' is missing",)),
         (SMALLEST.replace('["walk*.trc"]', "[]"), ("has no trials",)),
         (
             SMALLEST.replace('["walk*.trc"]', '[{marker = "run.trc"}]'),
