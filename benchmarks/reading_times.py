@@ -4,9 +4,12 @@
 in the formats' table. It makes them larger in several ways: rows that go on as the last two do,
 elements of XML with new names, more frames in binary files, and parts that are only repeated (a
 line, an opened comment, a column, a bracket). Processor time, that of children included, and memory
-are those of a process of its own for each file, less those of the sound file. Each file is four
-times as large as the one before, until its time can be measured. A row has the worst exponent of a
-reader, and the seconds that its slowest way comes to at the largest size that its door lets in.
+are those of a process of its own for each file, less those of the sound file, and the least of a
+few such processes. Each file is eight times as large as the one before, until its time can be
+measured. The exponent is that of the two largest files: below a mebibyte a reader may have its
+numbers in the processor's cache, and the interpreter collects no garbage yet. A row has the worst
+exponent of a reader, and the seconds that its slowest way comes to at the largest size that its
+door lets in; the rows of a text end at `MAX_SECONDS`.
 """
 
 from __future__ import annotations
@@ -24,18 +27,19 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 FOLDER = Path(__file__).resolve().parents[1] / "tests" / "fuzz"
-SIZES = (1 << 17, 1 << 19, 1 << 21, 1 << 23)
-FRAMES_SIZE = 1 << 26  # Largest of binary files, which are read fast [bytes].
-ENOUGH = 0.03  # Processor time from which an exponent is measured [s].
-LONG = 1.0  # Whoever takes longer is given nothing larger [s].
+SIZES = (1 << 17, 1 << 20, 1 << 23, 1 << 26)  # From small to large [bytes].
+LEAST_SIZE = 1 << 20  # Of the smaller of two files that are compared [bytes].
+ENOUGH = 0.05  # Processor time from which an exponent is measured [s].
+LONG = 1.5  # Whoever takes longer is given nothing larger [s].
+TRIES = 3  # Of the files that an exponent is measured with.
+LEAST_COST = 1e-3  # Of a smaller file, so that its logarithm is finite [s or MiB].
 MEMORY = 32.0  # From which its exponent is measured [MiB].
-AT_ONCE = 3
-WANTED = 1.2  # An exponent above it is measured twice.
+AT_ONCE = 2
 PARTS = 1  # Of each kind in a file.
 HANG = 300  # After so long a reading is ended [s].
 MIB = 1 << 20
@@ -47,6 +51,20 @@ ODD = (b"<!--", b"<!DOCTYPE ", b"&", b"[", b"{", b'"', b"a,", b"\n")
 
 Grow = Callable[[int], bytes]
 """Makes a file of about so many bytes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cost:
+    """What reading a file takes.
+
+    Attributes
+    ----------
+    seconds : of processor time [s]
+    mebibytes : greatest memory [MiB]
+    """
+
+    seconds: float
+    mebibytes: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,13 +85,17 @@ class Measured:
 
     @property
     def time_exponent(self) -> float:
-        """Slope of the logarithm of time over that of size, NaN where it is too short."""
-        return _slope(self.sizes, self.seconds, ENOUGH)
+        """Slope of the logarithm of time over that of size, NaN where either is too short."""
+        if len(self.seconds) < 2 or not (self.seconds[-2] > ENOUGH or self.seconds[-1] > LONG):
+            return math.nan
+        return _slope(self.sizes, self.seconds)
 
     @property
     def memory_exponent(self) -> float:
-        """Slope of the logarithm of memory over that of size, NaN where it is too little."""
-        return _slope(self.sizes, self.mebibytes, MEMORY)
+        """Slope of the logarithm of memory over that of size, NaN where either is too little."""
+        if len(self.mebibytes) < 2 or not self.mebibytes[-2] > MEMORY:
+            return math.nan
+        return _slope(self.sizes, self.mebibytes)
 
     @property
     def rate(self) -> float:
@@ -246,47 +268,52 @@ def _shown(part: bytes) -> str:
 
 
 def _grown(chosen: Any, path: Path, way: str, grow: Grow) -> Measured:
-    """Measure files that grow in one way; again where the exponent is above what is wanted."""
-    measured = _once(chosen, path, way, grow)
-    if not measured.time_exponent > WANTED:
-        return measured
-    again = _once(chosen, path, way, grow)
-    return min((measured, again), key=lambda each: each.time_exponent)
-
-
-def _once(chosen: Any, path: Path, way: str, grow: Grow) -> Measured:
     """Measure files that grow in one way until they take long enough."""
     path.write_bytes(grow(0))
-    start = _cost(chosen, path)
-    sizes = []
-    costs = []
-    largest = (FRAMES_SIZE,) if way == "frames" else ()
-    for size in (*SIZES, *largest):
+    start = _least_cost(chosen, path)
+    sizes: list[int] = []
+    costs: list[Cost] = []
+    for size in SIZES:
         path.write_bytes(grow(size))
+        cost = _least_cost(chosen, path)
         sizes.append(path.stat().st_size)
-        costs.append(_cost(chosen, path))
-        if costs[-1][0] - start[0] > LONG:
-            break
-        long_enough = [cost for cost in costs if cost[0] - start[0] > ENOUGH]
-        if len(long_enough) > 1 and long_enough[-1][0] > 4.0 * ENOUGH:
+        costs.append(
+            Cost(
+                seconds=max(cost.seconds - start.seconds, 0.0),
+                mebibytes=max(cost.mebibytes - start.mebibytes, 0.0),
+            )
+        )
+        smaller = costs[-2:][0].seconds if size > LEAST_SIZE else 0.0
+        if costs[-1].seconds > LONG or smaller > ENOUGH:
             break
     return Measured(
         way=way,
         sizes=sizes,
-        seconds=[max(seconds - start[0], 0.0) for seconds, _ in costs],
-        mebibytes=[max(mebibytes - start[1], 0.0) for _, mebibytes in costs],
+        seconds=[cost.seconds for cost in costs],
+        mebibytes=[cost.mebibytes for cost in costs],
     )
 
 
-def _cost(chosen: Any, path: Path) -> tuple[float, float]:
-    """Return processor time [s] and greatest memory [MiB] of reading, in a process of its own."""
+def _least_cost(chosen: Any, path: Path) -> Cost:
+    """Return the least of what several processes take for a file; of one where that is long."""
+    costs = [_cost(chosen, path)]
+    while len(costs) < TRIES and costs[0].seconds < LONG:
+        costs.append(_cost(chosen, path))
+    return Cost(
+        seconds=min(cost.seconds for cost in costs),
+        mebibytes=min(cost.mebibytes for cost in costs),
+    )
+
+
+def _cost(chosen: Any, path: Path) -> Cost:
+    """Return what reading takes in a process of its own."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
         os.close(reading)
         signal.alarm(HANG)
         try:
-            os.write(writing, json.dumps(_cost_here(chosen, path)).encode())
+            os.write(writing, json.dumps(asdict(_cost_here(chosen, path))).encode())
         finally:
             os._exit(0)
     os.close(writing)
@@ -295,12 +322,11 @@ def _cost(chosen: Any, path: Path) -> tuple[float, float]:
     os.waitpid(child, 0)
     if not answer:
         raise RuntimeError(f"the process that read {path.name} ended")
-    seconds, mebibytes = json.loads(answer)
-    return seconds, mebibytes
+    return Cost(**json.loads(answer))
 
 
-def _cost_here(chosen: Any, path: Path) -> tuple[float, float]:
-    """Read a file; processor time [s] and greatest memory [MiB], those of children included."""
+def _cost_here(chosen: Any, path: Path) -> Cost:
+    """Read a file, and return what it takes, with what its children take."""
     from myomorph.core.model.errors import MyomorphError
 
     start = time.process_time() + sum(os.times()[2:4])
@@ -311,19 +337,13 @@ def _cost_here(chosen: Any, path: Path) -> tuple[float, float]:
         resource.getrusage(who).ru_maxrss
         for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     )
-    return seconds, max(peaks) / 1024.0
+    return Cost(seconds=seconds, mebibytes=max(peaks) / 1024.0)
 
 
-def _slope(sizes: Sequence[int], costs: Sequence[float], enough: float) -> float:
-    """Return the slope of logarithms between the first cost that is enough and the last."""
-    known = [
-        (math.log(size), math.log(cost))
-        for size, cost in zip(sizes, costs, strict=True)
-        if cost > enough
-    ]
-    if len(known) < 2:
-        return math.nan
-    return (known[-1][1] - known[0][1]) / (known[-1][0] - known[0][0])
+def _slope(sizes: Sequence[int], costs: Sequence[float]) -> float:
+    """Return the slope of the logarithms of the last two costs over those of their sizes."""
+    smaller = max(costs[-2], LEAST_COST)
+    return math.log(costs[-1] / smaller) / math.log(sizes[-1] / sizes[-2])
 
 
 if __name__ == "__main__":

@@ -97,6 +97,21 @@ def test_a_wrong_key_is_refused(client):
         assert answer.status == 403
 
 
+@pytest.mark.parametrize("token", ["", "x", "<script>alert(1)</script>"])
+def test_whoever_opens_a_wrong_address_reads_what_to_do(client, token):
+    accept = "text/html,application/xhtml+xml,*/*;q=0.8"
+    answer, page = client.ask("GET", "", token=quote(token), Accept=accept)
+    text = page.decode()
+    assert answer.status == 403
+    assert answer.headers["Content-Type"].startswith("text/html")
+    assert "script" not in answer.headers["Content-Security-Policy"]
+    assert "does not have the key of the page" in text
+    assert "type <code>myomorph app</code> again" in text
+    assert client.server.access.token not in text
+    assert "<script" not in text
+    assert "{reason}" not in text
+
+
 def test_the_state_begins_with_nothing(client):
     status, state = client.json("GET", "state")
     assert status == 200

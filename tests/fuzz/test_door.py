@@ -7,8 +7,10 @@ import os
 import re
 import signal
 import struct
+import time
 import tracemalloc
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 
@@ -22,7 +24,8 @@ from scipy.io import savemat
 from myomorph.core.io.c3d.raw import read_raw_c3d
 from myomorph.core.io.formats import read_model, read_trial
 from myomorph.core.io.mesh import read_mesh
-from myomorph.core.io.parsing.door import MAX_SIZES
+from myomorph.core.io.parsing import door
+from myomorph.core.io.parsing.door import MAX_SIZES, MEBIBYTE, ROWS_AT_ONCE, within_time
 from myomorph.core.io.parsing.text import unique_names
 from myomorph.core.io.parsing.xml import declares_entities, read_xml
 from myomorph.core.model.errors import BadFile, MyomorphError
@@ -56,6 +59,56 @@ def test_an_endless_file_is_refused(tmp_path: Path, each) -> None:
         stream.truncate(max(MAX_SIZES.values()) + 1)
     with pytest.raises(MyomorphError, match="MiB allowed for"):
         each.read(path)
+
+
+ROWS = (".trc", ".sto", ".mot", ".tsv", ".csv", ".txt", ".fcsv")
+"""Endings of texts of rows."""
+SMALL = 16 * MEBIBYTE  # Whose size is limit enough.
+
+
+def with_odd_cell(content: bytes) -> bytes:
+    """Return a table whose last row again has a cell that is no number."""
+    last = content.rstrip().splitlines()[-1]
+    return content.rstrip() + b"\n" + re.sub(rb"[^\t,; ]+$", b"n/a", last) + b"\n"
+
+
+@pytest.mark.parametrize(
+    "each", [each for each in READERS if each.ending.endswith(ROWS)], ids=lambda each: each.name
+)
+def test_rows_end_with_their_time(tmp_path: Path, monkeypatch, each) -> None:
+    path = tmp_path / each.file_name
+    if each in ALONE:
+        with path.open("wb") as stream:
+            stream.truncate(max(MAX_SIZES.values()) + 1)
+        with pytest.raises(MyomorphError) as refusal:
+            each.read(path)
+        kind = str(refusal.value).partition("allowed for ")[2]
+        if MAX_SIZES[kind] <= SMALL:
+            pytest.skip(f"files of {kind} are small")
+    monkeypatch.setattr(door, "MAX_SECONDS", -1.0)
+    refusals = []
+    for content in each.seeds():
+        path.write_bytes(with_odd_cell(content))
+        with pytest.raises(MyomorphError) as refusal:
+            each.read(path)
+        refusals.append(str(refusal.value))
+    assert any("s of processor time to read" in refusal for refusal in refusals), refusals
+
+
+def test_only_the_time_of_the_reading_thread_counts(monkeypatch) -> None:
+    monkeypatch.setattr(door, "MAX_SECONDS", 0.05)
+    rows = within_time(range(10 * ROWS_AT_ONCE), Path("rows.csv"))
+    with ThreadPoolExecutor(1) as pool:
+        # Whoever waits for others uses no time of its own.
+        for _ in rows:
+            pool.submit(sum, range(10_000)).result()
+            break
+        time.sleep(0.1)
+        assert next(rows) == 1
+        busy = pool.submit(lambda: [sum(range(10_000)) for _ in within_time(range(10**6), Path())])
+        with pytest.raises(BadFile, match=r"more than 0\.05 s of processor time to read \(row"):
+            busy.result()
+    assert sum(1 for _ in rows) == 10 * ROWS_AT_ONCE - 2
 
 
 def _external_link(file: h5py.File, elsewhere: Path) -> None:

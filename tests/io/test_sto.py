@@ -135,6 +135,12 @@ def test_vectors_become_columns(tmp_path):
     np.testing.assert_array_equal(table.values, [[1, 2, 3], [4, 5, 6]])
 
 
+def test_vectors_with_a_blank_part_become_columns(tmp_path):
+    body = "time\tforce\n0\t1,2,3\n0.5\t4,n/a,6\n"
+    table = read_sto(written(tmp_path, "DataType=Vec3\nversion=3\nendheader\n" + body))
+    np.testing.assert_array_equal(table.values, [[1, 2, 3], [4, np.nan, 6]])
+
+
 @pytest.mark.parametrize(
     "text",
     [

@@ -10,6 +10,7 @@ import numpy as np
 
 from myomorph.core.io.delsys import is_delsys, read_delsys_emg
 from myomorph.core.io.parsing.cells import plain_cell
+from myomorph.core.io.parsing.door import within_time
 from myomorph.core.io.parsing.text import file_text, quick_numbers, rising, unique_names
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.errors import BadFile
@@ -89,7 +90,7 @@ def read_csv_table(path: Path) -> Table:
     mark, names, start = _heading(lines, path)
     values = quick_numbers("\n".join(lines[start:]), mark, len(names))
     if values is None:
-        rows = enumerate(lines[start:], start + 1)
+        rows = within_time(enumerate(lines[start:], start + 1), path)
         values = np.array([_row(line, mark, len(names), number, path) for number, line in rows])
     if not len(values):
         raise BadFile(path, "has no row of numbers", HINT)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from myomorph.core.io.parsing.cells import csv_rows
+from myomorph.core.io.parsing.door import within_time
 from myomorph.core.io.parsing.text import file_text, write_csv
 from myomorph.core.model.causes import CONTACT_TIMES
 from myomorph.core.model.contacts import FOREVER, Contacts, Touch
@@ -188,11 +189,11 @@ def read_events(
         for number, cells in table.rows
     ]
     if "event" in table.columns:
-        marks = [_mark(row) for row in rows]
+        marks = [_mark(row) for row in within_time(rows, path)]
         intervals, warnings = _paired(path, marks)
         sites = [mark.site for mark in marks]
     else:
-        intervals = [_span(row) for row in rows]
+        intervals = [_span(row) for row in within_time(rows, path)]
         warnings = _overlaps(path, intervals)
         sites = [interval.site for interval in intervals]
     return Contacts(tuple(dict.fromkeys(sites)), tuple(intervals), tuple(warnings))
@@ -249,7 +250,7 @@ def _table(path: Path) -> _ContactTable:
     ------
     BadFile : it is empty, has other columns, or a row has more or fewer cells than the first line
     """
-    text = file_text(path, f"expected {SHAPES}")
+    text = file_text(path, f"expected {SHAPES}", "contacts")
     lines = [
         (number, line)
         for number, line in enumerate(text.splitlines(), 1)
@@ -266,7 +267,7 @@ def _table(path: Path) -> _ContactTable:
             path, f"has the columns {names}", f"expected {SHAPES}, and surface, confidence"
         )
     rows = []
-    for number, line in lines[1:]:
+    for number, line in within_time(lines[1:], path):
         cells = _cells(path, line, delimiter)
         if len(cells) != len(columns):
             raise BadFile(

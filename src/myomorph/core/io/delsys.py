@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.parsing.door import within_time
 from myomorph.core.io.parsing.text import file_text, number, unique_names
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadFile
@@ -213,7 +214,7 @@ def _values(path: Path, titles: Sequence[str], delimiter: str, lines: Iterable[s
     if delimiter == ";":
         lines = [line.replace(",", ".") for line in lines]
     values = np.full((len(lines), len(titles)), np.nan)
-    for index, line in enumerate(lines):
+    for index, line in enumerate(within_time(lines, path)):
         for column, cell in enumerate(line.split(delimiter)[: len(titles)]):
             try:
                 values[index, column] = number(cell)

@@ -16,6 +16,7 @@ import numpy as np
 from myomorph.core.io.channels import TIMES
 from myomorph.core.io.force_columns import UNIT, UNITS, force_columns, table_wrenches
 from myomorph.core.io.guessed_force_columns import guessed_names
+from myomorph.core.io.parsing.door import within_time
 from myomorph.core.io.parsing.text import file_text, number, number_or_nan, unique_names
 from myomorph.core.io.sto import read_sto
 from myomorph.core.model.arrays import Array
@@ -329,7 +330,7 @@ def _numbers(lines: Sequence[str], delimiter: str | None, path: Path) -> tuple[i
             continue
         width = len(row)
         if len(next_row) == width >= MIN_WIDTH:
-            return start, _values(lines[start:], delimiter, width)
+            return start, _values(within_time(lines[start:], path), delimiter, width)
     raise BadFile(path, f"has no two rows of {MIN_WIDTH} or more numbers", HINT)
 
 

@@ -22,6 +22,7 @@ from myomorph.core.io.osim.document import read_document
 from myomorph.core.io.osim.frames import Frames
 from myomorph.core.io.osim.setup_parts import holder_of, named_markers
 from myomorph.core.io.parsing.cells import csv_rows
+from myomorph.core.io.parsing.door import within_time
 from myomorph.core.io.parsing.text import file_text, number
 from myomorph.core.model.arrays import Array, frozen_array, read_only
 from myomorph.core.model.errors import BadData, BadFile, UnknownName, quoted
@@ -79,7 +80,7 @@ def read_landmark_pairs(path: str | os.PathLike[str]) -> dict[str, LandmarkPairs
     path = Path(path)
     table = _table(path, PAIR_COLUMNS)
     pairs: dict[str, dict[str, _Pair]] = {}
-    for line in table.lines:
+    for line in within_time(table.lines, path):
         body = line.cells["body"]
         name = line.cells["name"]
         if not body or not name:
@@ -350,7 +351,7 @@ def _table(path: Path, columns: Sequence[str], optional: Sequence[str] = ()) -> 
     _check_columns(names, columns, optional, hint, path)
     lines = [
         _Line(number=row.number, cells=_cells_by_column(path, row, delimiter, names))
-        for row in rows
+        for row in within_time(rows, path)
     ]
     return _Table(path, lines, found)
 
@@ -449,7 +450,7 @@ def _points(path: Path) -> dict[str, dict[str, Array]]:
     """Read a table of points: (3,) [m] by body and name."""
     table = _table(path, POINT_COLUMNS, ("body",))
     result: dict[str, dict[str, Array]] = {}
-    for line in table.lines:
+    for line in within_time(table.lines, path):
         name = line.cells["name"]
         body = line.cells.get("body", "")
         if not name:

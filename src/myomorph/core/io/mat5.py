@@ -28,6 +28,7 @@ STRUCTURE = 2
 TEXT = 4
 FIRST_NUMBER = 6  # Classes of numbers, from double to uint64.
 LAST_NUMBER = 15
+MAX_PARTS = 1 << 20  # Of a file, an array or a structure.
 MAX_UNPACKED = 1 << 30  # Bytes that a file may hold once it is unpacked.
 STEP = 1 << 24
 TYPES = FrozenMap(
@@ -239,10 +240,14 @@ def _elements(content: memoryview, order: str, is_whole: bool = False) -> Iterat
 
     Raises
     ------
-    ValueError : an element is cut off
+    ValueError : an element is cut off, or there are more than `MAX_PARTS`
     """
     at = 0
+    count = 0
     while at + TAG <= len(content):
+        count += 1
+        if count > MAX_PARTS:
+            raise ValueError(f"has more than {MAX_PARTS} parts beside each other")
         kind, size = struct.unpack(f"{order}II", content[at : at + TAG])
         begin = at + TAG
         if kind >> 16:

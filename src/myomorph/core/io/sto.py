@@ -229,6 +229,7 @@ def _numbers(body: TableBody, labels: list[str], kind: str, notes: list[Message]
         time, *columns = labels
         labels = [time, *(f"{name}_{part + 1}" for name in columns for part in range(width))]
         body = replace(body, text=body.text.replace(",", "\t"), delimiter="\t")
+        first = first.replace(",", "\t")
     quick = _quickly(body, [label for label in labels if label])
     if quick is not None:
         return quick

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from myomorph.core.io.parsing.door import within_time
 from myomorph.core.io.parsing.text import (
     TableBody,
     file_text,
@@ -284,7 +285,7 @@ def _values(rows: Sequence[Sequence[str]], columns: int, path: Path, notes: list
     """
     table = np.full((len(rows), columns), np.nan)
     is_text = np.zeros(len(rows), dtype=bool)
-    for index, row in enumerate(rows):
+    for index, row in enumerate(within_time(rows, path)):
         cells = row[:columns]
         try:
             table[index, : len(cells)] = [number(cell) for cell in cells]

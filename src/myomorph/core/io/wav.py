@@ -16,6 +16,7 @@ from myomorph.core.model.series import Sound
 
 LARGEST = 4 << 30  # Bytes of samples, in single precision, that are read at most.
 MAX_CHANNELS = 256
+MAX_CHUNKS = 1 << 16  # Before the samples: a recorder writes a handful.
 RATES = (1_000, 1_000_000)
 HINT = "expected a RIFF/WAVE file: export the recording as WAV, PCM or float"
 
@@ -127,7 +128,8 @@ def _chunks(data: np.ndarray, path: Path) -> tuple[_Format, int, int]:
 
     Raises
     ------
-    BadFile : it is no such file, or lacks the chunk of the format or of the samples
+    BadFile : it is no such file, lacks the chunk of the format, or that of the samples among its
+        first ones
     """
     magic = bytes(data[:4])
     if magic in (b"RF64", b"RIFX", b"FORM"):
@@ -136,7 +138,9 @@ def _chunks(data: np.ndarray, path: Path) -> tuple[_Format, int, int]:
         raise BadFile(path, "is empty" if not len(data) else "is no WAV file", HINT)
     facts: _Format | None = None
     at = 12
-    while at + 8 <= len(data):
+    for _ in range(MAX_CHUNKS):
+        if at + 8 > len(data):
+            break
         name, size = struct.unpack("<4sI", bytes(data[at : at + 8]))
         at += 8
         if name == b"fmt ":

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from myomorph.core.io.parsing.door import within_time
 from myomorph.core.io.parsing.text import (
     TableBody,
     file_text,
@@ -268,11 +269,9 @@ def beside(path: Path, ending: str) -> list[Path]:
 def read_tsv(path: Path) -> list[dict[str, str]]:
     """Rows of a table with a heading."""
     try:
-        return list(
-            csv.DictReader(
-                file_text(path, HINT).splitlines(), delimiter="\t", quoting=csv.QUOTE_NONE
-            )
-        )
+        lines = file_text(path, HINT).splitlines()
+        rows = csv.DictReader(lines, delimiter="\t", quoting=csv.QUOTE_NONE)
+        return list(within_time(rows, path))
     except csv.Error as error:
         raise BadFile(path, f"is no table: {error}", HINT) from None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import re
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
 
 DONE = 0
 INTERRUPTED = 130
+GARBAGE_THRESHOLDS = (50_000, 10, 10)
+"""New objects after which Python looks for garbage. Imports and readers make many objects that stay,
+and with the usual 700 it goes through them 160 times in the shortest command: 0.06 s of 0.9.
+"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,6 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     exit status: 0 done; 2 bad input, reported in one line; 1 our fault; 130 interrupted with Ctrl-C
     """
     before_compiling(_say_that_kernels_compile)
+    gc.set_threshold(*GARBAGE_THRESHOLDS)
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     # Let names of files be printed where the terminal, or the file that it is sent to, has no such

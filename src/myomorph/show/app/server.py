@@ -11,6 +11,7 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 from functools import cache
+from html import escape
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
@@ -34,6 +35,11 @@ OWN_PAGE = (
     " data:; form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
 )
 """What the page itself may do: nothing from elsewhere, no script but its own."""
+REFUSED_PAGE = (
+    "default-src 'none'; style-src 'unsafe-inline'; form-action 'none'; base-uri 'none';"
+    " frame-ancestors 'none'"
+)
+"""What the page for whoever has no key may do."""
 RESULT_PAGE = (
     "sandbox allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox;"
     " default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
@@ -122,7 +128,7 @@ class AppHandler(BaseHTTPRequestHandler):
             refusal = self._refusal()
             if refusal:
                 self.close_connection = True
-                self._send_json({"error": refusal}, HTTPStatus.FORBIDDEN)
+                self._send_refusal(refusal)
                 return
             act()
         except ConnectionError:
@@ -218,6 +224,14 @@ class AppHandler(BaseHTTPRequestHandler):
 
     def _send_json(self, values: Mapping[str, Any], status: HTTPStatus = HTTPStatus.OK) -> None:
         self._send(json.dumps(values).encode(), KINDS[".json"], OWN_PAGE, status)
+
+    def _send_refusal(self, refusal: str) -> None:
+        """Refuse whoever opens an address with a page, and programs with a message."""
+        if self.command == "GET" and "text/html" in self.headers.get("Accept", ""):
+            page = page_file("refused.html").replace(b"{reason}", escape(refusal).encode())
+            self._send(page, KINDS[".html"], REFUSED_PAGE, HTTPStatus.FORBIDDEN)
+        else:
+            self._send_json({"error": refusal}, HTTPStatus.FORBIDDEN)
 
     def _send(
         self, body: bytes, kind: str, policy: str, status: HTTPStatus = HTTPStatus.OK

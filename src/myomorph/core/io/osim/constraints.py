@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from lxml import etree
-from numpy.polynomial import polynomial as poly
 
 from myomorph.core.io.osim.document import Node, child, legal, put
 from myomorph.core.io.osim.frames import Frames, body_path, write_offset_frame
@@ -231,7 +230,8 @@ def _limits(node: Node, coordinate: Coordinate) -> list[PassiveTorque]:
         stiffness = node.number(f"{side}_stiffness", 1.0) / unit
         # The smooth step 10 t^3 - 15 t^4 + 6 t^5 of t = h / width, h the way past the limit.
         step = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / width ** np.arange(6)
-        resisting = -stiffness * poly.polymul(step, [0.0, 1.0])
+        # Times h.
+        resisting = -stiffness * np.concatenate([[0.0], step])
         torque = _pieces(limit, width, resisting, [-stiffness * width, -stiffness])
         damped = _pieces(limit, width, damping * step, [damping])
         if sign < 0.0:

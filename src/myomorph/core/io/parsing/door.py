@@ -1,21 +1,24 @@
 """Files of others at the door: regular ones, of a size that their kind allows.
 
-Whatever is read of a stranger passes here: a pipe or a device is never opened, and nothing is read
-that is larger than the table allows. So memory and time of a reader are bounded by its kind.
+Whatever is read of a stranger passes here: a pipe or a device is never opened, nothing is read that
+is larger than the table allows, and the rows of a text end with their time.
 """
 
 from __future__ import annotations
 
 import stat
-from collections.abc import Iterator
+import time
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from myomorph.core.model.errors import BadFile, quoted
 from myomorph.core.model.frozen_map import FrozenMap
 
+Row = TypeVar("Row")
 MEBIBYTE = 1 << 20
 MAX_SIZES = FrozenMap(
     {
@@ -29,12 +32,15 @@ MAX_SIZES = FrozenMap(
         "a mesh": 256 * MEBIBYTE,
         "a part of a model": 512 * MEBIBYTE,
         "landmarks": 64 * MEBIBYTE,
+        "contacts": 64 * MEBIBYTE,
         "settings": 16 * MEBIBYTE,
         "names of points": MEBIBYTE,
     }
 )
 """Largest file of each kind [bytes], named as in messages."""
 MAX_NUMBERS = 1 << 26  # Of positions in a packed file, which may be small itself.
+MAX_SECONDS = 300.0  # Of processor time, for going once through the rows of a text.
+ROWS_AT_ONCE = 256  # Between two looks at the clock.
 
 
 @contextmanager
@@ -132,6 +138,36 @@ def mapped_bytes(path: Path, kind: str) -> np.ndarray:
     size = check_file(path, kind)
     with readable(path):
         return np.memmap(path, dtype=np.uint8, mode="r") if size else np.zeros(0, np.uint8)
+
+
+def within_time(rows: Iterable[Row], path: Path) -> Iterator[Row]:
+    """Yield the rows of a text until their time is over, what is done with each included.
+
+    It is the processor time of the calling thread, so that other work of a machine does not count,
+    and it is looked at between rows, so that it ends on all systems and in all threads.
+
+    Parameters
+    ----------
+    rows : of the file
+    path : of the file, for the message
+
+    Yields
+    ------
+    each row
+
+    Raises
+    ------
+    BadFile : they take more than `MAX_SECONDS`
+    """
+    end = time.thread_time() + MAX_SECONDS
+    for number, row in enumerate(rows):
+        if number % ROWS_AT_ONCE == 0 and time.thread_time() > end:
+            raise BadFile(
+                path,
+                f"takes more than {MAX_SECONDS:g} s of processor time to read (row {number + 1})",
+                "is it what it seems to be? Cut it into several files",
+            )
+        yield row
 
 
 def _beside(path: Path) -> str:

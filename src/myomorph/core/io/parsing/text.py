@@ -16,7 +16,7 @@ from typing import TextIO
 import numpy as np
 
 from myomorph.core.io.parsing.cells import spreadsheet_cell
-from myomorph.core.io.parsing.door import content_of
+from myomorph.core.io.parsing.door import content_of, within_time
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import HIDDEN, READING
 from myomorph.core.model.errors import BadFile
@@ -199,12 +199,12 @@ def parse_cells(body: TableBody, columns: int, notes: list[Message]) -> Array:
 
     Raises
     ------
-    BadFile : no row is of numbers
+    BadFile : no row is of numbers, or their time is over
     """
     rows: list[list[float]] = []
     short_count = 0
     text_count = 0
-    for line in body.text.splitlines():
+    for line in within_time(body.text.splitlines(), body.path):
         if not line.strip(" \t,"):
             continue
         cells = _row_cells(line, body.delimiter, columns)

@@ -14,8 +14,9 @@ from myomorph.core.io.parsing.door import content_of
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.series import Motion, Trial, Wrenches
 from myomorph.lab.study.inputs.beside import TABLE_ENDINGS, companion, is_alone, plain_stem
-from myomorph.lab.study.inputs.input import Beside, Input, later
+from myomorph.lab.study.inputs.input import Beside, Input, Opened, Opening, later
 from myomorph.lab.study.inputs.keys import File, Names, Pairs
+from myomorph.lab.study.inputs.markers import Recording
 
 WORDS = (
     "grf",
@@ -163,10 +164,19 @@ def _has_forces(path: Path) -> bool:
     return path.suffix.lower() not in TABLES or holds_forces(path)
 
 
+def _open(settings: LoadsFile, opening: Opening) -> Opened:
+    """Open the external forces; what they take is not imported where there cannot be any."""
+    recording = opening.values.get(Recording)
+    is_stated = settings.loads is not None or settings.bodies or settings.plates
+    if not is_stated and (recording is None or not recording.trial.plates):
+        return Opened()
+    return later("myomorph.lab.study.inputs.external_forces:opened")(settings, opening)
+
+
 INPUT = Input(
     name="loads",
     settings=LoadsFile,
-    open=later("myomorph.lab.study.inputs.external_forces:opened"),
+    open=_open,
     main="loads",
     beside=_beside,
     near=_near,
