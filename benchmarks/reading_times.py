@@ -322,7 +322,8 @@ def _cost(chosen: Any, path: Path) -> Cost:
     os.waitpid(child, 0)
     if not answer:
         raise RuntimeError(f"the process that read {path.name} ended")
-    return Cost(**json.loads(answer))
+    found = json.loads(answer)
+    return Cost(seconds=found["seconds"], mebibytes=found["mebibytes"])
 
 
 def _cost_here(chosen: Any, path: Path) -> Cost:

@@ -19,7 +19,7 @@ import numpy as np
 import myomorph as mm
 from benchmarks.accuracy.tension.knee import Row, command
 from myomorph.core.io.loads import read_external_loads
-from myomorph.core.io.mjcf.read import composed_model
+from myomorph.core.io.mjcf.composed import composed_model
 from myomorph.core.model.arrays import Array
 from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.muscles.patella import extensors, tendon_arms

@@ -131,7 +131,7 @@ def read_model(path: str | os.PathLike[str]) -> Model:
     """
     kind = model_format(path)
     if is_composed(path):
-        kind = Format("model of myo-sim", (), "myomorph.core.io.mjcf.read:composed_model")
+        kind = Format("model of myo-sim", (), "myomorph.core.io.mjcf.composed:composed_model")
     if kind is None:
         raise BadFile(
             path, f"is not a model: its name ends in '{_ending(path)}'", "expected .osim or .xml"

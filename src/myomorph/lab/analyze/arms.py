@@ -37,7 +37,7 @@ def with_arms(model: Model) -> Model:
 
     Source: MyoSuite (Caggiano et al. 2022), after Saul et al. 2015.
     """
-    from myomorph.core.io.mjcf.read import composed_model
+    from myomorph.core.io.mjcf.composed import composed_model
 
     whole = composed_model(WHOLE)
     bodies = _below(whole, (SHOULDERS,))

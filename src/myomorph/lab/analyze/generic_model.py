@@ -196,7 +196,7 @@ def legs_and_trunk() -> Model:
     ------
     BadData : myo-sim is not installed
     """
-    from myomorph.core.io.mjcf.read import composed_model
+    from myomorph.core.io.mjcf.composed import composed_model
 
     model = renamed_model(composed_model(NAME), lambda name: COORDINATES.get(name, name))
     poses = standing_poses(model)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from myomorph.core.io.mjcf.read import composed_model
+from myomorph.core.io.mjcf.composed import composed_model
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.known import Known

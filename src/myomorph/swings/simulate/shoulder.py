@@ -18,7 +18,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from myomorph.core.io.mjcf.read import composed_model
+from myomorph.core.io.mjcf.composed import composed_model
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.model import Model

@@ -6,7 +6,6 @@ with what leaving it out means.
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -16,7 +15,6 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from myomorph.core.io.formats import COMPOSED
 from myomorph.core.io.mjcf.bodies import (
     MjcfNames,
     bodies_and_joints,
@@ -25,13 +23,13 @@ from myomorph.core.io.mjcf.bodies import (
     meshes_of,
     pose_of,
 )
-from myomorph.core.io.mjcf.compile import DEFAULT_TIME_LIMIT, compile_guarded, silent_mujoco
+from myomorph.core.io.mjcf.compile import DEFAULT_TIME_LIMIT, compile_guarded
 from myomorph.core.io.mjcf.muscles import actuators_of, muscles_of
 from myomorph.core.io.mjcf.original import original_of
 from myomorph.core.io.mjcf.write import MARKERS
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import MUSCLES
-from myomorph.core.model.errors import BadData, BadFile, BadModel, quoted
+from myomorph.core.model.errors import BadData, BadModel, quoted
 from myomorph.core.model.inertia import made_up_inertias
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Frame, Kept, Marker, Model
@@ -289,39 +287,3 @@ def _layout(model: Model) -> Iterator[tuple[str, int, int, Array]]:
             yield kind, at_q, at_c, start
             at_q = at_q + WIDTHS[kind][0]
             at_c = at_c + WIDTHS[kind][1]
-
-
-def composed_model(name: str | os.PathLike[str]) -> Model:
-    """Compose a model of the package `myo-sim`, with its bones.
-
-    Source: Caggiano et al. 2022.
-
-    Parameters
-    ----------
-    name : as the package has it ("myoarm", "myolegs", ...), with `myo-sim:` before it or without
-
-    Returns
-    -------
-    the model in meters, radians and kilograms
-
-    Raises
-    ------
-    BadData : the package is not installed
-    BadFile : it has no such model
-    """
-    name = os.fspath(name).removeprefix(COMPOSED)
-    try:
-        # Loaded only where one of its models is asked for.
-        import myo_sim
-    except ImportError:
-        raise BadData(
-            f"the model '{name}' comes with the package 'myo-sim': pip install myo-sim"
-        ) from None
-    with silent_mujoco():
-        try:
-            spec = myo_sim.load_spec(name)
-        except ValueError as error:
-            raise BadFile(COMPOSED + name, "no such model of myo-sim", str(error)) from None
-        compiled = spec.compile()
-    # Meshes are looked for beside a model's source.
-    return model_from_mujoco(compiled, name=name, source=str(myo_sim.MODELS_DIR / name))
