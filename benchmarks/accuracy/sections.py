@@ -167,6 +167,7 @@ PAGES: dict[str, dict[str, str]] = {
     },
     "ground-forces": {
         "loads_beside": "accuracy.contact.loads_beside:measure",
+        "plates_left_out": "accuracy.contact.plates_left_out:measure",
         "hidden_plates": "accuracy.contact.hidden_plates:measure",
         "hidden_plates_parts": "accuracy.contact.hidden_plates:measure_parts",
         "hidden_plates_partial": "accuracy.contact.hidden_plates:measure_partial",

@@ -16,8 +16,9 @@ import myomorph as mm
 from myomorph.core.model.series import Wrenches
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
+from myomorph.show.simulate import fighter
 from myomorph.show.simulate.performances import foot_aims, path, smooth, weight_aims
-from myomorph.show.simulate.performer import Contact, Part, performed, sole
+from myomorph.show.simulate.performer import Contact, Part, performed
 
 WIDE = 0.12  # Half the distance of the feet [m].
 AHEAD = 0.05  # The mass center is so far ahead of the ankle [m].
@@ -49,6 +50,13 @@ class Plan:
     ways: dict[str, tuple[Way, ...]]
     weight: tuple[tuple[float, float, float, float], ...]
     duration: float
+
+
+def corners(side: str) -> np.ndarray:
+    """Corners of a sole that is as long as the laboratory's model says, (4, 3) in the foot [m]."""
+    sign = 1.0 if side == "r" else -1.0
+    low = -fighter.SOLE_HEIGHT
+    return np.array([(x, low, sign * z) for x in (0.005, 0.12) for z in (-0.02, 0.025)])
 
 
 def step_up(height: float, seed: int) -> Plan:
@@ -161,11 +169,11 @@ def _performed(plan_name: str, height: float, seed: int):
         Contact(
             name=f"foot_{side}.{corner}",
             body=f"foot_{side}",
-            points=sole(side)[corner : corner + 1],
+            points=corners(side)[corner : corner + 1],
             on=partial(_ready, plan.ways[side], plan_name != "balance"),
         )
         for side in "rl"
-        for corner in range(len(sole(side)))
+        for corner in range(len(corners(side)))
     ]
     return performed(Part(partial(_aims, plan), contacts, plan.duration, rate=RATE, seed=seed))
 
@@ -233,18 +241,18 @@ def _of_feet(shown) -> Wrenches:
     torques = []
     for side in "rl":
         number = tree.body_index[f"foot_{side}"]
-        corners = sole(side)
-        places = poses.points(np.full(len(corners), number), corners)
+        points_of_sole = corners(side)
+        places = poses.points(np.full(len(points_of_sole), number), points_of_sole)
         own = np.stack(
             [
                 shown.forces.values[:, shown.forces.names.index(f"foot_{side}.{corner}")]
-                for corner in range(len(corners))
+                for corner in range(len(points_of_sole))
             ],
             axis=1,
         )
         press = np.maximum(own[..., 1], 0.0)
         total = press.sum(axis=1, keepdims=True)
-        weights = np.where(total > 1e-6, press / np.maximum(total, 1e-6), 1.0 / len(corners))
+        weights = np.where(total > 1e-6, press / np.maximum(total, 1e-6), 1.0 / len(points_of_sole))
         center = np.einsum("fc,fci->fi", weights, places)
         forces.append(own.sum(axis=1))
         points.append(center)

@@ -23,7 +23,7 @@ from myomorph.core.contact.force_inspection import (
     foot_poses,
 )
 from myomorph.core.contact.missing_wrench import MissingWrench, missing_wrench
-from myomorph.core.contact.seated import is_seated
+from myomorph.core.contact.seated import seated_frames
 from myomorph.core.contact.sites import SEGMENT_SITES, body_sites
 from myomorph.core.contact.spells import steady
 from myomorph.core.contact.supports import Flags, Support, Supports
@@ -56,7 +56,7 @@ HELD = 0.8
 MIN_PART = 0.1
 """Share of what a hand and a foot carry together, of each at least."""
 HALF = 0.5
-"""Share of what is needed from which on known forces say something of the mass."""
+"""Share of a time, and of what is needed from which on known forces say something of the mass."""
 SEAT_DELAY = 0.3
 """Of leaving a seat after it carries less than `LACKS`, for a person [s]."""
 
@@ -295,7 +295,7 @@ def _carries(
     others = [
         scene.middle(foot, inside)
         for foot in range(len(scene.feet.feet))
-        if foot != stance.foot and _stands_unmeasured(scene, foot, stances)[inside].mean() > 0.5
+        if foot != stance.foot and _stands_unmeasured(scene, foot, stances)[inside].mean() > HALF
     ]
     if not others:
         return bool(np.linalg.norm(mean.offsets(own)[0]) < near)
@@ -372,19 +372,20 @@ def _seats(scene: _Scene, lacks: MissingWrench, explained: Flags) -> list[Suppor
     """Find when somebody sits on something; those frames become `explained`."""
     if scene.known is None:
         return []
-    found: list[Support] = []
-    time = scene.motion.time
-    for start, stop in runs(_lacking_frames(scene, lacks) & ~explained):
-        frames = np.zeros(len(time), bool)
-        frames[start:stop] = True
-        if not is_seated(scene.model, scene.motion, frames):
+    try:
+        (site,) = body_sites(scene.model, ("seat",))
+    except MyomorphError:
+        return []
+    found = []
+    seated = seated_frames(scene.model, scene.motion)
+    rotations, origins = scene.feet.pose_of(site.body)
+    places = origins + rotations @ site.points.mean(axis=0)
+    for start, stop in runs(_lacking_frames(scene, lacks) & seated):
+        frames = slice(start, stop)
+        first, last = scene.span(frames)
+        if last - first < scene.rest or not _is_on_seat(scene, lacks, frames, places):
             continue
-        try:
-            (site,) = body_sites(scene.model, ("seat",))
-        except MyomorphError:
-            return found
-        explained[start:stop] = True
-        first, last = scene.span(slice(start, stop))
+        explained[frames] = True
         delay = SEAT_DELAY * float(np.sqrt(scene.feet.unit))
         found.append(
             Support(
@@ -397,6 +398,27 @@ def _seats(scene: _Scene, lacks: MissingWrench, explained: Flags) -> list[Suppor
             )
         )
     return found
+
+
+def _is_on_seat(scene: _Scene, lacks: MissingWrench, frames: slice, places: Array) -> bool:
+    """Tell whether a seat carries, where feet without a known force may carry as well.
+
+    Parameters
+    ----------
+    places : (frames, 3) middle of the seat [m]
+    """
+    inside = np.zeros(len(scene.motion), bool)
+    inside[frames] = True
+    others = [
+        scene.middle(foot, inside)
+        for foot in range(len(scene.feet.feet))
+        if _stands_unmeasured(scene, foot, ())[inside].mean() > HALF
+    ]
+    if not others:
+        return True
+    place = places[inside].mean(axis=0)[None]
+    share, _ = lacks.mean(inside).between(np.mean(others, axis=0), place)
+    return bool(share[0] > MIN_SHARE)
 
 
 def _rails(

@@ -33,12 +33,27 @@ def is_seated(model: Model, motion: Motion, frames: NDArray[np.bool_]) -> bool:
     -------
     False for a body without thighs, shanks or a trunk
     """
+    return bool(frames.any() and seated_frames(model, motion)[frames].mean() > 0.5)
+
+
+def seated_frames(model: Model, motion: Motion) -> NDArray[np.bool_]:
+    """Flag frames in which a person's thighs are level under an upright trunk.
+
+    Parameters
+    ----------
+    model : of the body
+    motion : coordinates (frames, coordinates) over time [rad or m]
+
+    Returns
+    -------
+    (frames,) False for a body without thighs, shanks or a trunk
+    """
     legs = _legs(model)
     trunk = _trunk(model)
-    if not frames.any() or not legs or trunk is None:
-        return False
+    if not legs or trunk is None:
+        return np.zeros(len(motion), bool)
     tree = compile_tree(model)
-    poses = forward_kinematics(tree, tree.coordinates_of(motion)[frames])
+    poses = forward_kinematics(tree, tree.coordinates_of(motion))
     hips = [_origins(poses, tree.body_index[thigh]) for thigh, _ in legs]
     knees = [_origins(poses, tree.body_index[shank]) for _, shank in legs]
     thighs = np.mean(
@@ -47,7 +62,7 @@ def is_seated(model: Model, motion: Motion, frames: NDArray[np.bool_]) -> bool:
     number = np.array([tree.body_index[trunk.name]], np.int64)
     chest = poses.points(number, trunk.mass_center[None])[:, 0]
     upright = _cosine(chest - np.mean(hips, axis=0), model.up)
-    return bool(np.mean((np.abs(thighs) < LEVEL) & (upright > UPRIGHT)) > 0.5)
+    return np.asarray((np.abs(thighs) < LEVEL) & (upright > UPRIGHT))
 
 
 def _legs(model: Model) -> list[tuple[str, str]]:

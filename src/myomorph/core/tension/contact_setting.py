@@ -153,7 +153,7 @@ def set_contacts(
         sites=sites,
         activations=acting.ready,
         measured=still_shared(sites, plates) if plan.measured == "shared" else (),
-        options=options,
+        options=_formulated(options, supports, acting.ready, sites),
         preferred=preferred_directions(model, motion, sites),
     )
     return ContactSetting(
@@ -188,6 +188,27 @@ def _with_supports(
         sites=(*plan.sites, *sites),
         surfaces=FrozenMap({**plan.surfaces, **seats}),
     )
+
+
+def _formulated(
+    options: ContactOptions, supports: Supports, ready: Series, sites: Sequence[Site]
+) -> ContactOptions:
+    """Find contact forces first where plates and motion determine them.
+
+    That is where only steps, rails and seats are unknown, one at a time: muscles that are too weak
+    change nothing of them.
+
+    Parameters
+    ----------
+    ready : activations (frames, sites) of contacts whose forces are not known
+    """
+    groups = [site.group for site in sites]
+    active = [
+        ready.values[:, [group == name for group in groups]].any(axis=1)
+        for name in dict.fromkeys(groups)
+    ]
+    alone = bool(np.sum(active, axis=0).max(initial=0) <= 1)
+    return replace(options, formulation="sequential") if supports.alone and alone else options
 
 
 class _Acting(NamedTuple):
