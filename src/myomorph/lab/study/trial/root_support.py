@@ -125,8 +125,9 @@ def lacking_support(model: Model, motion: Motion, wrenches: Wrenches | None) -> 
 
 
 def _is_measured(model: Model, wrenches: Wrenches | None) -> bool:
-    """Tell whether a force on a foot of a body that has weight is known."""
-    if wrenches is None or not model.weight > 0.0:
+    """Tell whether a force on a foot of a body that floats and has weight is known."""
+    floats = any(root_coordinates(model))
+    if wrenches is None or not model.weight > 0.0 or not floats:
         return False
     segments = segments_of(model)
     loaded = set(wrenches.bodies) & set(model.body_names)
