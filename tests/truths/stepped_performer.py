@@ -53,7 +53,16 @@ class Plan:
 
 
 def corners(side: str) -> np.ndarray:
-    """Corners of a sole that is as long as the laboratory's model says, (4, 3) in the foot [m]."""
+    """Make the corners of a sole that is as long as the laboratory's model says.
+
+    Parameters
+    ----------
+    side : "r" or "l"
+
+    Returns
+    -------
+    (4, 3) in the foot [m]
+    """
     sign = 1.0 if side == "r" else -1.0
     low = -fighter.SOLE_HEIGHT
     return np.array([(x, low, sign * z) for x in (0.005, 0.12) for z in (-0.02, 0.025)])

@@ -153,7 +153,7 @@ def _ways(recording: Recording) -> Iterator[tuple[str, str]]:
 
 
 def _known(recording: Recording, foot: str, shared: bool) -> Wrenches:
-    """Forces that the estimate is given."""
+    """Return the forces that the estimate is given."""
     measured = recording.measured
     if recording.on_step:
         low = (measured.points[..., 1] < 0.02)[..., None]
@@ -175,7 +175,8 @@ def _known(recording: Recording, foot: str, shared: bool) -> Wrenches:
 
 def _estimated(recording: Recording, foot: str, shared: bool) -> dict[str, Array]:
     """Estimate the forces of both feet by the library's defaults; (frames, 3) by side [N]."""
-    model, motion = recording.model, recording.motion
+    model = recording.model
+    motion = recording.motion
     known = _known(recording, foot, shared)
     plan = ContactPlan(measured="shared" if shared else "exact")
     if recording.on_step:

@@ -231,10 +231,12 @@ class Supports:
         first = "; ".join(support.sentence for support in self.all[:3])
         more = f" and {len(self.all) - 3} more times" if len(self.all) > 3 else ""
         unused = ", ".join(f"'{name}'" for name in self._unused)
-        beside = f"; {unused} acts on a part of a step, so it is not used meanwhile"
+        beside = ""
+        if unused:
+            beside = f"; {unused} acts on a part of a step, so it is not used meanwhile"
         return (
             f"forces of {first}{more} are estimated from the motion: known forces leave weight that"
-            f" acts there, where the part keeps still{beside if unused else ''}"
+            f" acts there, where the part keeps still{beside}"
         )
 
     def without_estimated(self, wrenches: Wrenches) -> Wrenches:
