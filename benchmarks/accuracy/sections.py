@@ -205,6 +205,7 @@ PAGES: dict[str, dict[str, str]] = {
         "shape_poses": "accuracy.identification.shape:measure_poses",
         "body_measured": "accuracy.identification.body_measured:measured_rows",
         "body_people": "accuracy.identification.people:measure",
+        "body_held_out": "accuracy.identification.people_held_out:measure",
         "body_average": "accuracy.identification.body_measured:average_rows",
         "simulated": "accuracy.identification.simulated:measure",
     },
