@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from function_arm import COUPLER, LENGTHS, ONE, PATHS, function_arm, function_path
 
 from myomorph.bones.morph.mirror.model import mirrored
 from myomorph.core.io.osim.read import read_osim
@@ -13,100 +15,26 @@ from myomorph.core.io.osim.write import write_osim
 from myomorph.core.model.errors import BadFile, BadModel
 from myomorph.core.model.functions import SineProduct
 from myomorph.core.model.join import join_models
+from myomorph.core.model.paths import PathFunction
 from myomorph.core.model.polynomial import Polynomial
 from myomorph.core.model.scale import scale
 from myomorph.core.model.series import Motion
 from myomorph.core.muscles.kinematics import muscle_kinematics
 from myomorph.core.muscles.muscle_paths import muscle_paths
-from myomorph.core.muscles.path_functions import slope_of, value_of
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.tension.solve import solve_tension
 from myomorph.exchange.mujoco.export import write_mjcf
 
 SAME = 1e-12
-LENGTHS = {
-    "two": (
-        "<MultivariatePolynomialFunction><coefficients>0.4 -0.03 0.01 0.02 -0.05 0.013"
-        "</coefficients><dimension>2</dimension><order>2</order></MultivariatePolynomialFunction>"
-    ),
-    "linear": "<LinearFunction><coefficients>-0.03 0.02 0.35</coefficients></LinearFunction>",
-}
-ONE = {
-    "polynomial": (
-        "<PolynomialFunction><coefficients>0.003 -0.01 -0.02 0.3</coefficients>"
-        "</PolynomialFunction>"
-    ),
-    "spline": "<SimmSpline><x>-1 0 1 2</x><y>0.3 0.31 0.33 0.32</y></SimmSpline>",
-    "sine": "<Sine><amplitude>0.02</amplitude><omega>1.1</omega><phase>0.3</phase>"
-    "<offset>0.3</offset></Sine>",
-    "multiplied": "<MultiplierFunction><function><LinearFunction><coefficients>0.02 0.3"
-    "</coefficients></LinearFunction></function><scale>1.5</scale></MultiplierFunction>",
-}
-
-
-def _arm(paths: dict[str, str], coupler: str = "") -> str:
-    """Write a document of three links with three coordinates and a muscle for each path."""
-    joints = "".join(
-        f'<PinJoint name="{name}"><socket_parent_frame>{parent}</socket_parent_frame>'
-        f"<socket_child_frame>{name}_c</socket_child_frame><coordinates><Coordinate "
-        f'name="{name}_angle"><range>-2 2</range></Coordinate></coordinates><frames>'
-        f'<PhysicalOffsetFrame name="{name}_c"><socket_parent>/bodyset/{child}</socket_parent>'
-        "<translation>0 0.3 0</translation></PhysicalOffsetFrame></frames></PinJoint>"
-        for name, parent, child in (
-            ("shoulder", "/ground", "upper"),
-            ("elbow", "/bodyset/upper", "fore"),
-            ("wrist", "/bodyset/fore", "hand"),
-        )
-    )
-    bodies = "".join(
-        f'<Body name="{name}"><mass>{mass}</mass><mass_center>0 -0.1 0</mass_center>'
-        "<inertia>0.01 0.01 0.01 0 0 0</inertia></Body>"
-        for name, mass in (("upper", 2.0), ("fore", 1.3), ("hand", 0.5))
-    )
-    muscles = "".join(
-        f'<Millard2012EquilibriumMuscle name="{name}"><max_isometric_force>900'
-        "</max_isometric_force><optimal_fiber_length>0.15</optimal_fiber_length>"
-        f"<tendon_slack_length>0.18</tendon_slack_length>{path}</Millard2012EquilibriumMuscle>"
-        for name, path in paths.items()
-    )
-    return (
-        '<?xml version="1.0"?><OpenSimDocument Version="40600"><Model name="arm">'
-        f'<BodySet name="bodyset"><objects>{bodies}</objects></BodySet>'
-        f'<JointSet name="jointset"><objects>{joints}</objects></JointSet>'
-        f'<ConstraintSet name="constraintset"><objects>{coupler}</objects></ConstraintSet>'
-        f'<ForceSet name="forceset"><objects>{muscles}</objects></ForceSet></Model>'
-        "</OpenSimDocument>"
-    )
-
-
-def _path(length: str, *joints: str, more: str = "") -> str:
-    names = " ".join(f"/jointset/{joint}/{joint}_angle" for joint in joints)
-    return (
-        f'<FunctionBasedPath name="path"><coordinate_paths>{names}</coordinate_paths>'
-        f"<length_function>{length}</length_function>{more}</FunctionBasedPath>"
-    )
-
-
-PATHS = {
-    **{f"{key}_muscle": _path(text, "elbow", "shoulder") for key, text in LENGTHS.items()},
-    **{f"{key}_muscle": _path(text, "elbow") for key, text in ONE.items()},
-}
-COUPLER = (
-    '<CoordinateCouplerConstraint name="follows"><coupled_coordinates_function><PolynomialFunction>'
-    "<coefficients>0.2 0.5 0.1</coefficients></PolynomialFunction></coupled_coordinates_function>"
-    "<independent_coordinate_names>elbow_angle</independent_coordinate_names>"
-    "<dependent_coordinate_name>wrist_angle</dependent_coordinate_name>"
-    "</CoordinateCouplerConstraint>"
-)
 
 
 @pytest.fixture
 def read(tmp_path):
-    """Read a document of `_arm`."""
+    """Read a document of `function_arm`."""
 
     def model(paths, coupler=""):
         path = tmp_path / "arm.osim"
-        path.write_text(_arm(paths, coupler), encoding="utf-8")
+        path.write_text(function_arm(paths, coupler), encoding="utf-8")
         return read_osim(path)
 
     return model
@@ -134,14 +62,27 @@ def test_terms_of_a_polynomial_are_in_the_order_of_opensim():
 def test_slopes_are_those_of_the_values():
     random = np.random.default_rng(1)
     polynomial = Polynomial(dimension=4, order=5, coefficients=random.normal(size=126))
-    sine = SineProduct(factor=0.3, frequencies=np.array([1.3, 0.6]), phases=np.array([0.1, 0.2]))
     step = 1e-6
-    for function, count in ((polynomial, 4), (sine, 2)):
-        x = random.uniform(-1.0, 1.0, (7, count))
-        for index in range(count):
-            moved = step * np.eye(count)[index]
-            rise = value_of(function, x + moved) - value_of(function, x - moved)
-            np.testing.assert_allclose(slope_of(function, x, index), rise / (2 * step), atol=1e-8)
+    x = random.uniform(-1.0, 1.0, (7, 4))
+    for index in range(4):
+        moved = step * np.eye(4)[index]
+        rise = polynomial(x + moved) - polynomial(x - moved)
+        np.testing.assert_allclose(polynomial.slope(x, index), rise / (2 * step), atol=1e-8)
+
+
+def test_a_product_of_sines_of_two_coordinates_gives_a_path(read):
+    sine = SineProduct(factor=0.3, frequencies=np.array([1.3, 0.6]), phases=np.array([0.1, 0.2]))
+    function = PathFunction(coordinates=("elbow_angle", "shoulder_angle"), length=sine)
+    model = read({"two": PATHS["two_muscle"]})
+    path = replace(model.muscles[0].path, function=function)
+    model = replace(model, muscles=(replace(model.muscles[0], path=path),))
+    motion = _swing(model)
+    result = muscle_kinematics(model, motion)
+    angles = (motion["elbow_angle"], motion["shoulder_angle"])
+    np.testing.assert_allclose(result.muscle_length[:, 0], sine(*angles), rtol=SAME)
+    for index, name in enumerate(function.coordinates):
+        arm = result.moment_arm_of("two", name)
+        np.testing.assert_allclose(arm, -sine.slope(*angles, index=index), rtol=SAME)
 
 
 def test_lengths_are_the_functions_and_moment_arms_their_slopes(read):
@@ -163,7 +104,7 @@ def test_lengths_are_the_functions_and_moment_arms_their_slopes(read):
 
 @pytest.mark.parametrize("coupler", ["", COUPLER])
 def test_moment_arms_and_velocities_are_rates_of_length(read, coupler):
-    paths = {**PATHS, "over_wrist": _path(LENGTHS["two"], "wrist", "elbow")}
+    paths = {**PATHS, "over_wrist": function_path(LENGTHS["two"], "wrist", "elbow")}
     model = read(paths, coupler)
     motion = _swing(model, 5)
     result = muscle_kinematics(model, motion)
@@ -206,7 +147,7 @@ def test_functions_of_moment_arms_and_velocity_take_the_place_of_slopes(read):
         f"<moment_arm_functions>{arm}</moment_arm_functions>"
         f"<lengthening_speed_function>{speed}</lengthening_speed_function>"
     )
-    model = read({"own": _path(ONE["polynomial"], "elbow", more=more)})
+    model = read({"own": function_path(ONE["polynomial"], "elbow", more=more)})
     motion = _swing(model)
     result = muscle_kinematics(model, motion)
     np.testing.assert_array_equal(result.moment_arm_of("own", "elbow_angle"), 0.04)
@@ -216,7 +157,7 @@ def test_functions_of_moment_arms_and_velocity_take_the_place_of_slopes(read):
 
 def test_a_written_model_has_the_same_paths(read, tmp_path):
     more = "<moment_arm_functions><Constant><value>0.04</value></Constant></moment_arm_functions>"
-    model = read({**PATHS, "own": _path(ONE["polynomial"], "elbow", more=more)})
+    model = read({**PATHS, "own": function_path(ONE["polynomial"], "elbow", more=more)})
     assert write_osim(model, tmp_path / "copy.osim") == ()
     copy = read_osim(tmp_path / "copy.osim")
     motion = _swing(model)
@@ -255,8 +196,8 @@ def test_opensim_has_the_same_lengths_and_moment_arms(read, tmp_path):
 
 
 def test_tensions_balance_the_torques(read):
-    paths = {"flexor": _path(ONE["polynomial"], "elbow")}
-    paths["extensor"] = _path(
+    paths = {"flexor": function_path(ONE["polynomial"], "elbow")}
+    paths["extensor"] = function_path(
         "<LinearFunction><coefficients>0.03 0.3</coefficients></LinearFunction>", "elbow"
     )
     model = read(paths)
@@ -313,7 +254,7 @@ def test_what_needs_points_says_so(read, tmp_path):
     ],
 )
 def test_a_broken_function_is_named_at_once(tmp_path, old, new, problem):
-    text = _arm({"two": _path(LENGTHS["two"], "elbow", "shoulder")})
+    text = function_arm({"two": function_path(LENGTHS["two"], "elbow", "shoulder")})
     assert old in text
     path = tmp_path / "arm.osim"
     path.write_text(text.replace(old, new), encoding="utf-8")

@@ -13,7 +13,7 @@ from myomorph.core.muscles.hill import HillArrays
 from myomorph.core.muscles.path_arrays import PathArrays
 from myomorph.core.rigid.bushing_kernels import BushingArrays
 from myomorph.core.rigid.coordinates import FunctionArrays, Ints
-from myomorph.core.rigid.tree import TreeArrays
+from myomorph.core.rigid.tree import LoopArrays, TreeArrays
 
 WORKS = (
     "muscles",
@@ -21,6 +21,7 @@ WORKS = (
     "joint springs",
     "joint damping",
     "torques",
+    "reserves",
     "contacts",
     "external forces",
     "feedback",
@@ -33,6 +34,7 @@ WORKS = (
     SPRINGS,
     DAMPING,
     TORQUES,
+    RESERVES,
     CONTACTS,
     LOADS,
     FEEDBACK,
@@ -115,6 +117,8 @@ class DriveArrays(NamedTuple):
     ----------
     torque_time : (samples,) [s]
     torques : (samples, coordinates) generalized forces [N m or N]
+    reserve_time : (samples,) [s]
+    reserves : (samples, coordinates) generalized forces beside muscles [N m or N]
     muscle_time : (samples,) [s]
     muscles : (samples, muscles) activations, or excitations where activations are states
     load_time : (samples,) [s]
@@ -128,6 +132,8 @@ class DriveArrays(NamedTuple):
 
     torque_time: Array
     torques: Array
+    reserve_time: Array
+    reserves: Array
     muscle_time: Array
     muscles: Array
     load_time: Array
@@ -148,6 +154,7 @@ class System(NamedTuple):
     Attributes
     ----------
     tree : the compiled model
+    loops : that stay closed
     free : (free,) indices of coordinates that are neither dependent, locked nor prescribed
     prescribed : (prescribed,) indices of prescribed coordinates
     prescribed_functions : of time, in the same order
@@ -162,6 +169,7 @@ class System(NamedTuple):
     """
 
     tree: TreeArrays
+    loops: LoopArrays
     free: Ints
     prescribed: Ints
     prescribed_functions: FunctionArrays

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.errors import BadModel, quoted
+from myomorph.core.model.errors import BadModel
 from myomorph.core.model.functions import Function
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
@@ -25,8 +25,7 @@ from myomorph.core.muscles.hill import (
 )
 from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.muscles.muscle_model import MuscleModel
-from myomorph.core.muscles.path import WrapRules
-from myomorph.core.muscles.path_functions import has_functions
+from myomorph.core.muscles.path import PathRules
 from myomorph.core.rigid.bushings import bushing_arrays
 from myomorph.core.rigid.coordinates import compile_functions
 from myomorph.core.rigid.loops import free_coordinates
@@ -86,9 +85,9 @@ class SimulatedBody:
         )
 
     @property
-    def wrap_rules(self) -> WrapRules:
-        """Rules by which the paths wrap."""
-        return compile_paths(self.model).wrap_rules
+    def path_rules(self) -> PathRules:
+        """Rules by which the paths have their lengths."""
+        return compile_paths(self.model).rules
 
     def system(self, held: Array) -> System:
         """Compile what the kernels read.
@@ -113,6 +112,7 @@ class SimulatedBody:
         excited = self.drives.excitations is not None
         return System(
             tree=tree.arrays,
+            loops=tree.loops,
             free=free,
             prescribed=prescribed,
             prescribed_functions=compile_functions(functions),
@@ -201,6 +201,8 @@ class SimulatedBody:
         return DriveArrays(
             torque_time=_time(drives.torques),
             torques=_columns(drives.torques, model.coordinate_names),
+            reserve_time=_time(drives.reserves),
+            reserves=_columns(drives.reserves, model.coordinate_names),
             muscle_time=_time(driven),
             muscles=_columns(driven, model.muscle_names),
             load_time=NONE if loads is None else np.array(loads.time),
@@ -214,23 +216,12 @@ class SimulatedBody:
 
 
 def refuse(model: Model) -> None:
-    """Refuse a model with parts that no simulation has yet.
+    """Refuse a model that cannot move.
 
     Raises
     ------
-    BadModel : it has closed loops, paths by functions of coordinates, or nothing that moves
+    BadModel : nothing of it moves
     """
-    if model.loops:
-        loops = quoted([loop.name for loop in model.loops], 3)
-        raise BadModel(
-            f"model '{model.name}' has closed loops ({loops}), which simulations do not support:"
-            " use a model without them"
-        )
-    if has_functions(model):
-        raise BadModel(
-            f"functions of coordinates give lengths of muscles of '{model.name}'"
-            " (FunctionBasedPath): use the model from which they were fitted"
-        )
     if not len(free_coordinates(compile_tree(model))):
         raise BadModel(f"no coordinate of model '{model.name}' is free to move: unlock one")
 

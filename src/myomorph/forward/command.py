@@ -25,6 +25,7 @@ from myomorph.forward.folder import (
 )
 from myomorph.forward.inputs import SimulationFiles, SimulationInputs, read_inputs
 from myomorph.forward.page_run import PageRun, page_run
+from myomorph.forward.shares import shares_of
 from myomorph.forward.simulate import SimulationOptions, simulate
 from myomorph.forward.simulation import Simulation
 from myomorph.lab.cli import options as flags
@@ -52,6 +53,8 @@ class CaseFlags:
     excitations : of muscles over time (.sto), which activations follow
     torques : of joints over time (.sto), as 'myomorph id' writes them; they hold what muscles and
         passive tissue do, which take no part then
+    reserves : forces of reserves and residuals over time (.sto), as 'myomorph tension' writes them,
+        that act beside --activations
     loads : external forces on the body of the motion
     contacts : auto for compliant spheres under the feet, which touch a floor; none
     floor : height of the floor [m]
@@ -69,6 +72,7 @@ class CaseFlags:
     activations: Path | None = None
     excitations: Path | None = None
     torques: Path | None = None
+    reserves: Path | None = None
     loads: Path | None = None
     contacts: Literal["none", "auto"] = "none"
     floor: float = 0.0
@@ -96,6 +100,7 @@ class CaseFlags:
             activations=self.activations,
             excitations=self.excitations,
             torques=self.torques,
+            reserves=self.reserves,
             loads=self.loads,
             time=self.time,
             cutoff=self.cutoff,
@@ -171,7 +176,17 @@ def _run(name: str, model: Model, inputs: SimulationInputs, options: SimulationO
         f"simulating {name}" if name != "simulation" else "simulating", frames
     ) as advance:
         done = simulate(model, inputs.start, inputs.drives, options, progress=advance)
-    return _Done(simulation=done, page=page_run(name, done, _following(done, inputs)))
+    return _Done(simulation=done, page=page_run(name, done, _driven(done, inputs)))
+
+
+def _driven(done: Simulation, inputs: SimulationInputs) -> tuple[tuple[str, str], ...]:
+    """Facts on shares of what moved the body, and on a motion that was followed."""
+    drives = inputs.drives
+    if drives.follow is None and drives.reserves is None:
+        return ()
+    shares = shares_of(done, drives)
+    facts = tuple((f"{share.where}, RMS", share.sentence) for share in shares)
+    return (*facts, *_following(done, inputs))
 
 
 def _following(done: Simulation, inputs: SimulationInputs) -> tuple[tuple[str, str], ...]:

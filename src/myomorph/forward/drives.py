@@ -25,6 +25,8 @@ class Drives:
         muscles and passive tissue do, so these take no part
     activations : by muscle; what has none is at rest
     excitations : by muscle, in the place of activations, which then follow them
+    reserves : generalized forces by coordinate that act beside muscles and passive tissue, as those
+        that a solution of tensions needed [N m or N]
     loads : external forces on bodies
     ground : that spheres on the body touch
     follow : motion that a feedback pulls to, with velocities
@@ -34,6 +36,7 @@ class Drives:
     torques: Series | None = None
     activations: Series | None = None
     excitations: Series | None = None
+    reserves: Series | None = None
     loads: Wrenches | None = None
     ground: Ground = NO_GROUND
     follow: Motion | None = None
@@ -42,7 +45,14 @@ class Drives:
     @property
     def last_time(self) -> float | None:
         """When what is known of the drives ends [s]; None where nothing is."""
-        tables = (self.torques, self.activations, self.excitations, self.loads, self.follow)
+        tables = (
+            self.torques,
+            self.activations,
+            self.excitations,
+            self.reserves,
+            self.loads,
+            self.follow,
+        )
         ends = [float(table.time[-1]) for table in tables if table is not None]
         return min(ends) if ends else None
 
@@ -84,8 +94,14 @@ class Drives:
                 f"{given[0]} and {given[1]} are given: torques contain the muscles, and"
                 " activations follow excitations, so give one of them"
             )
+        if self.torques is not None and self.reserves is not None:
+            raise BadData(
+                "torques and reserves are given: torques hold what reserves do, so give reserves"
+                " with activations"
+            )
         known = (
             ("coordinate", self.torques, model.coordinate_names),
+            ("coordinate", self.reserves, model.coordinate_names),
             ("muscle", self.activations, model.muscle_names),
             ("muscle", self.excitations, model.muscle_names),
             ("coordinate", self.follow, model.coordinate_names),

@@ -21,8 +21,8 @@ from myomorph.core.muscles.path import (
     PathMotion,
     PathResults,
     PathRoom,
+    PathRules,
     PathValues,
-    WrapRules,
     frame_paths,
     path_room,
 )
@@ -42,14 +42,28 @@ from myomorph.forward.arrays import (
     MUSCLE_VISCOSITY,
     MUSCLES,
     PRESCRIBED,
+    RESERVES,
     SPRINGS,
     TORQUES,
+    WORKS,
     System,
 )
 from myomorph.forward.contact_kernels import add_contacts
+from myomorph.forward.loop_equations import (
+    CLOSED,
+    MAX_STEPS,
+    NEARLY_CLOSED,
+    LoopRoom,
+    back_substitute,
+    close_accelerations,
+    close_positions,
+    close_velocities,
+    forward_substitute,
+    loop_room,
+)
 from myomorph.forward.muscle_kernels import activation_rate, elastic_tendon
 
-WORK_COUNT = 9
+WORK_COUNT = len(WORKS)
 SINGULAR = 1e-13  # Share of a diagonal entry that is left where the mass matrix has no inverse
 
 
@@ -68,7 +82,8 @@ class Room(NamedTuple):
     tau : (1, coordinates) generalized forces that are missing [N m or N]
     M : (coordinates, coordinates) mass matrix
     L : (free, free) its Cholesky factor
-    acceleration : (free,)
+    acceleration, shift : (free,) and what closed loops change of it
+    loop : closed loops
     pull, feedback : (free,) accelerations that feedback adds, and its forces [N m or N]
     power : (works,) [W]
     rate : (states,) of a state that is only looked at
@@ -88,6 +103,8 @@ class Room(NamedTuple):
     M: Array
     L: Array
     acceleration: Array
+    shift: Array
+    loop: LoopRoom
     pull: Array
     feedback: Array
     power: Array
@@ -104,12 +121,12 @@ class Machine(NamedTuple):
     Attributes
     ----------
     system : the body
-    rules : of the wrapping of paths
+    rules : of the lengths of paths
     room : scratch arrays
     """
 
     system: System
-    rules: WrapRules
+    rules: PathRules
     room: Room
 
 
@@ -141,6 +158,8 @@ def make_room(S):
         M=np.zeros((coordinates, coordinates)),
         L=np.zeros((free, free)),
         acceleration=np.zeros(free),
+        shift=np.zeros(free),
+        loop=loop_room(S),
         pull=np.zeros(free),
         feedback=np.zeros(free),
         power=np.zeros(WORK_COUNT),
@@ -183,8 +202,11 @@ def derivative(machine, t, y, ydot):
     gather_dependents(T, c, room.tau)
     _apply_muscles(machine, t, y, ydot)
     mass_matrix(T, c, pose, room.composite, room.M)
-    solved = _accelerate(S, room)
+    solved = _factor(S, room)
+    _accelerate(S, room)
     _follow(S, room, t)
+    if S.loops.body_1.shape[0] > 0:
+        close_accelerations(S, room)
     _prescribed_power(S, room)
 
     n = S.free.shape[0]
@@ -282,7 +304,7 @@ def _between(first, second, share, start):
 
 @bare
 def _apply_coordinate_forces(S, room, t):
-    """Add passive and given torques to the generalized forces."""
+    """Add passive torques, given ones and reserves to the generalized forces."""
     c = room.motion.coordinates[0]
     v = room.motion.speeds[0]
     tau = room.tau[0]
@@ -303,6 +325,14 @@ def _apply_coordinate_forces(S, room, t):
             torque += share * (D.torques[min(k + 1, samples - 1), j] - torque)
             tau[j] += torque
             room.power[TORQUES] += torque * v[j]
+    samples = D.reserve_time.shape[0]
+    if samples > 0:
+        k, share = sample_at(D.reserve_time, t)
+        for j in range(tau.shape[0]):
+            torque = D.reserves[k, j]
+            torque += share * (D.reserves[min(k + 1, samples - 1), j] - torque)
+            tau[j] += torque
+            room.power[RESERVES] += torque * v[j]
 
 
 @bare
@@ -327,11 +357,15 @@ def _apply_muscles(machine, t, y, ydot):
         velocity = values.velocities[0, m]
         drag = M.viscosity[m] * velocity
         force = room.force[m] + drag
-        room.power[MUSCLES] -= room.force[m] * velocity
-        room.power[MUSCLE_VISCOSITY] -= drag * velocity
+        shortening = 0.0
         for arm in range(start[m, columns.ARMS], start[m + 1, columns.ARMS]):
             if pattern[arm, 1] == 1:
-                room.tau[0, pattern[arm, 0]] += values.arms[0, arm] * force
+                j = pattern[arm, 0]
+                room.tau[0, j] += values.arms[0, arm] * force
+                shortening += values.arms[0, arm] * room.motion.speeds[0, j]
+        # A path may have a function of its own for its velocity, which does no work.
+        room.power[MUSCLES] += room.force[m] * shortening
+        room.power[MUSCLE_VISCOSITY] += drag * shortening
 
 
 @bare
@@ -367,11 +401,10 @@ def _pull(S, room, m, drive, y, ydot):
 
 
 @bare
-def _accelerate(S, room):
-    """Solve M x = tau for the free coordinates by Cholesky's factors; whether there is an x."""
+def _factor(S, room):
+    """Fill Cholesky's factor of the free coordinates' mass matrix; whether there is one."""
     n = S.free.shape[0]
     L = room.L
-    x = room.acceleration
     solved = True
     for i in range(n):
         for j in range(i + 1):
@@ -386,17 +419,62 @@ def _accelerate(S, room):
                 solved = False
                 value = max(diagonal, 1e-300)
             L[i, i] = math.sqrt(value)
-    for i in range(n):
-        value = room.tau[0, S.free[i]]
-        for k in range(i):
-            value -= L[i, k] * x[k]
-        x[i] = value / L[i, i]
-    for i in range(n - 1, -1, -1):
-        value = x[i]
-        for k in range(i + 1, n):
-            value -= L[k, i] * x[k]
-        x[i] = value / L[i, i]
     return solved
+
+
+@bare
+def _accelerate(S, room):
+    """Solve M x = tau for the free coordinates by Cholesky's factor."""
+    for i in range(S.free.shape[0]):
+        room.acceleration[i] = room.tau[0, S.free[i]]
+    forward_substitute(room.L, room.acceleration)
+    back_substitute(room.L, room.acceleration)
+
+
+@bare
+def close_state(machine, t, y):
+    """Put a state back onto the closed loops: its coordinates, then its velocities.
+
+    Parameters
+    ----------
+    machine : `Machine`
+    t : time [s]
+    y : (states,) changed
+
+    Returns
+    -------
+    whether all loops are closed
+    """
+    S = machine.system
+    room = machine.room
+    n = S.free.shape[0]
+    largest = 0.0
+    before = math.inf
+    for _ in range(MAX_STEPS):
+        if not _weigh(S, room, t, y):
+            return False
+        largest = close_positions(S, room)
+        if largest <= CLOSED or not largest < before:
+            break
+        before = largest
+        for i in range(n):
+            y[i] += room.acceleration[i]
+    c = room.motion.coordinates[0]
+    pose = room.path.frame.bodies
+    body_rates(S.tree, State(c=c, cdot=room.motion.speeds[0], cddot=room.base), pose, room.rates)
+    close_velocities(S, room)
+    for i in range(n):
+        y[n + i] += room.acceleration[i]
+    return largest <= NEARLY_CLOSED
+
+
+@bare
+def _weigh(S, room, t, y):
+    """Put a state in place with the factor of its mass matrix; whether there is one."""
+    place_state(S, room, t, y)
+    pose = room.path.frame.bodies
+    mass_matrix(S.tree, room.motion.coordinates[0], pose, room.composite, room.M)
+    return _factor(S, room)
 
 
 @bare
@@ -453,6 +531,8 @@ def _prescribed_power(S, room):
         force = -room.tau[0, j]
         for i in range(S.free.shape[0]):
             force += room.M[j, S.free[i]] * room.acceleration[i]
+        for row in range(room.loop.G.shape[0]):
+            force -= room.loop.G[row, j] * room.loop.multipliers[row]
         room.power[PRESCRIBED] += force * room.motion.speeds[0, j]
 
 

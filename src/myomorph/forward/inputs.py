@@ -15,10 +15,12 @@ from myomorph.core.model.provenance import Source
 from myomorph.core.model.series import Motion, Series, Wrenches
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.motion.sync import cut, resample_wrenches
+from myomorph.core.rigid.loops import closed_motion
 from myomorph.forward.causes import FLOOR
 from myomorph.forward.contact_law import NO_GROUND, Ground
 from myomorph.forward.drives import Drives
 from myomorph.forward.feet import MAX_DEPTH, depth_at, floor_under_feet
+from myomorph.forward.reserves import read_reserves
 from myomorph.lab.store.results import file_sources
 from myomorph.lab.study.inputs import reading
 from myomorph.lab.study.inputs.external_forces import read_loads
@@ -36,6 +38,7 @@ class SimulationFiles:
     ----------
     start : coordinates over time, whose first frame is where the body begins
     activations, excitations, torques : what drives it, at most one of them
+    reserves : what acts beside activations or excitations
     loads : external forces
     time : part of the motion, begin and end [s]
     cutoff : low-pass of the motion and the external forces [Hz], 0 for none
@@ -48,6 +51,7 @@ class SimulationFiles:
     activations: Path | None = None
     excitations: Path | None = None
     torques: Path | None = None
+    reserves: Path | None = None
     loads: Path | None = None
     time: tuple[float, float] | None = None
     cutoff: float = 0.0
@@ -63,6 +67,7 @@ class SimulationFiles:
             ("activations", self.activations),
             ("excitations", self.excitations),
             ("torques", self.torques),
+            ("reserves", self.reserves),
             ("forces", self.loads),
         )
 
@@ -102,12 +107,17 @@ def read_inputs(files: SimulationFiles, model: Model) -> SimulationInputs:
     if files.torques is not None:
         torques, unused = read_torques(files.torques, model)
         notes = (*notes, *unused)
+    reserves = None
+    if files.reserves is not None:
+        reserves, unused = read_reserves(files.reserves, model, motion)
+        notes = (*notes, *unused)
     ground, deep = _ground(files, model, motion)
     notes = (*notes, *deep)
     drives = Drives(
         torques=torques,
         activations=_of_muscles(files.activations, model),
         excitations=_of_muscles(files.excitations, model),
+        reserves=reserves,
         loads=_loads(files, model, motion),
         ground=ground,
         follow=motion if files.follow > 0.0 else None,
@@ -136,7 +146,8 @@ def _motion(files: SimulationFiles, model: Model) -> tuple[Motion | None, tuple[
     else:
         motion = replace(motion, velocities=np.zeros_like(motion.values))
     span = reading.cut_to(files.time, motion, files.start)
-    return motion if span is None else cut(motion, *span), (*read.notes, *apart)
+    motion, opened = closed_motion(model, motion if span is None else cut(motion, *span))
+    return motion, (*read.notes, *apart, *opened)
 
 
 def _loads(files: SimulationFiles, model: Model, motion: Motion | None) -> Wrenches | None:

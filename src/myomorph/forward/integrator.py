@@ -9,10 +9,17 @@ import numpy as np
 from myomorph.core.model.arrays import Array
 from myomorph.core.rigid.coordinates import Ints, couple_rates
 from myomorph.core.rigid.kernels import bare, kernel
-from myomorph.forward.equations import WORK_COUNT, Machine, derivative, energies, make_room
+from myomorph.forward.equations import (
+    WORK_COUNT,
+    Machine,
+    close_state,
+    derivative,
+    energies,
+    make_room,
+)
 
 # Outcome of a run
-RUNNING, DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, SINGULAR_MASS = range(5)
+RUNNING, DONE, TOO_MANY_STEPS, STEP_TOO_SMALL, SINGULAR_MASS, OPEN_LOOP = range(6)
 # Entries of the counts of a run
 OUTCOME, STEPS, REJECTED, EVALUATIONS = range(4)
 # Entries of the clock of a run
@@ -145,11 +152,12 @@ def integrate(S, rules, control, run):
         max_i |error_i| / (absolute_i + relative max(|y_i|, |y_i'|))
 
     over all states but the works. Between the ends of a step its own polynomial of order 4 holds.
+    Steps end on closed loops, where there are some.
 
     Parameters
     ----------
     S : `System`
-    rules : `WrapRules`
+    rules : `PathRules`
     control : `Control`
     run : `Progression`, changed
     """
@@ -158,6 +166,9 @@ def integrate(S, rules, control, run):
     trial = np.empty(run.y.shape[0])
     counts = run.counts
     clock = run.clock
+    if not _closed(machine, clock[TIME], run.y):
+        counts[OUTCOME] = OPEN_LOOP
+        return
     derivative(machine, clock[TIME], run.y, k[0])
     counts[EVALUATIONS] += 1
     frame = _put_first(machine, run)
@@ -173,22 +184,48 @@ def integrate(S, rules, control, run):
         growth = MAX_GROWTH
         if error > 0.0 and np.isfinite(error):
             growth = min(MAX_GROWTH, max(MAX_SHRINKING, SAFETY * error ** (-1.0 / ORDER)))
-        if not error <= 1.0 or not solved:
+        if not (error <= 1.0 and solved and _closed(machine, clock[TIME] + h, trial)):
             counts[REJECTED] += 1
             clock[STEP] = h * (growth if error > 1.0 and solved else MAX_SHRINKING)
             if clock[STEP] < MIN_STEP:
-                counts[OUTCOME] = STEP_TOO_SMALL if solved else SINGULAR_MASS
+                counts[OUTCOME] = _cause(solved, error)
                 return
             continue
         counts[STEPS] += 1
         frame = _put_step(machine, run, h, k, frame)
-        for i in range(run.y.shape[0]):
-            run.y[i] = trial[i]
-            k[0, i] = k[STAGES - 1, i]
-        clock[TIME] += h
+        _go_on(machine, run, h, k, trial)
         if h < left or growth < 1.0:
             clock[STEP] = growth * h
     counts[OUTCOME] = RUNNING
+
+
+@bare
+def _closed(machine, t, y):
+    """Put a state onto closed loops; whether they are closed, as without any."""
+    if machine.system.loops.body_1.shape[0] == 0:
+        return True
+    return close_state(machine, t, y)
+
+
+@bare
+def _cause(solved, error):
+    """Why the shortest step was given up: a mass matrix, an open loop, or its error."""
+    if not solved:
+        return SINGULAR_MASS
+    return OPEN_LOOP if error <= 1.0 else STEP_TOO_SMALL
+
+
+@bare
+def _go_on(machine, run, h, k, trial):
+    """Begin the next step where one ended, with the rates there."""
+    for i in range(run.y.shape[0]):
+        run.y[i] = trial[i]
+        k[0, i] = k[STAGES - 1, i]
+    run.clock[TIME] += h
+    # The last stage was not on the closed loops yet.
+    if machine.system.loops.body_1.shape[0] > 0:
+        derivative(machine, run.clock[TIME], run.y, k[0])
+        run.counts[EVALUATIONS] += 1
 
 
 @bare
@@ -241,6 +278,7 @@ def _put_step(machine, run, h, k, frame):
     while frame <= last and (run.times[frame] <= end or end >= run.times[last]):
         share = (run.times[frame] - run.clock[TIME]) / h if h > 0.0 else 1.0
         _put_between(run.y, k, h, share, run.states[frame])
+        _closed(machine, run.times[frame], run.states[frame])
         derivative(machine, run.times[frame], run.states[frame], machine.room.rate)
         _observe(machine.system, machine.room, run.observed, frame)
         frame += 1

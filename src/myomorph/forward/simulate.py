@@ -11,7 +11,7 @@ import numpy as np
 
 from myomorph.core.model.arguments import check_argument
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.errors import BadData
+from myomorph.core.model.errors import BadData, quoted
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Motion
 from myomorph.core.muscles.fiber_equations import FIBER_LENGTH
@@ -19,11 +19,13 @@ from myomorph.core.muscles.fiber_states import equilibrium, state_names
 from myomorph.core.muscles.hill import muscle_model
 from myomorph.core.muscles.model_paths import compile_paths
 from myomorph.core.rigid.coordinates import Ints
+from myomorph.core.rigid.loops import close_loops, project_rates, refuse_open
 from myomorph.forward.arrays import WORKS, System
 from myomorph.forward.body import SimulatedBody
 from myomorph.forward.drives import NO_DRIVES, Drives
 from myomorph.forward.integrator import (
     EVALUATIONS,
+    OPEN_LOOP,
     OUTCOME,
     REJECTED,
     RUNNING,
@@ -138,7 +140,8 @@ def simulate(
         M(c) cddot = tau - h(c, cdot)
 
     is integrated by an embedded Runge-Kutta pair whose steps keep to a tolerance (Dormand and
-    Prince 1980), with activations, fiber lengths and the work of every force beside it.
+    Prince 1980), with activations, fiber lengths and the work of every force beside it. Loops stay
+    closed.
 
     Parameters
     ----------
@@ -156,7 +159,7 @@ def simulate(
     Raises
     ------
     BadData : drives exclude each other, or the run cannot go on; the error says at what time
-    BadModel : the model has closed loops, or paths by functions of coordinates
+    BadModel : nothing of the model is free to move
     UnknownName : a drive is for no part of the model
 
     Examples
@@ -224,14 +227,29 @@ class Run:
         """Arrays of the kernels."""
         return self.body.system(self.first_coordinates[0])
 
-    @property
+    @cached_property
     def first_coordinates(self) -> tuple[Array, Array]:
-        """Coordinates and velocities at the start, (coordinates,) each [rad or m, per s]."""
+        """Coordinates and velocities at the start, (coordinates,) each [rad or m, per s].
+
+        Loops that the start leaves open are closed by the nearest coordinates.
+        """
+        tree = self.body.tree
+        values, speeds = self._stated_coordinates()
+        if not tree.model.loops:
+            return values, speeds
+        if self.start is not None and set(tree.model.coordinate_names) <= set(self.start.names):
+            refuse_open(tree, values[None])
+        closed = close_loops(tree, values[None])
+        rates = project_rates(tree, closed, speeds[None], np.zeros_like(closed))
+        return closed[0], rates.velocities[0]
+
+    def _stated_coordinates(self) -> tuple[Array, Array]:
+        """Coordinates and velocities at the start as the motion or the model states them."""
         tree = self.body.tree
         coordinates = tree.model.coordinates
         if self.start is None:
-            speeds = np.array([coordinate.default_speed for coordinate in coordinates])
-            return tree.defaults.copy(), speeds
+            default_speeds = np.array([coordinate.default_speed for coordinate in coordinates])
+            return tree.defaults.copy(), default_speeds
         values = tree.coordinates_of(self.start)[0]
         if not np.isfinite(values).all():
             name = tree.model.coordinate_names[int(np.argmin(np.isfinite(values)))]
@@ -340,7 +358,7 @@ class Run:
                 states=states[begin:stop],
                 observed=observed.part(begin, stop),
             )
-            integrate(system, self.body.wrap_rules, control, part)
+            integrate(system, self.body.path_rules, control, part)
             if counts[OUTCOME] != RUNNING:
                 break
             if progress is not None:
@@ -374,6 +392,12 @@ class Run:
             return (
                 f"{at}: the mass matrix has no inverse there, as a body without mass moves freely"
                 " or three rotations have lost one; lock the coordinate or give the body a mass"
+            )
+        if outcome == OPEN_LOOP:
+            names = quoted([loop.name for loop in self.body.model.loops], 3)
+            return (
+                f"{at}: no state near it keeps the loops closed ({names}): look at the last frames"
+                " with less time (--seconds); is enough of the loop free to move?"
             )
         return (
             f"{at}: steps shorter than {clock[STEP]:.1g} s would be needed; something is very stiff"

@@ -60,7 +60,8 @@ def test_the_rules_by_which_paths_wrap_are_those_of_their_kernels():
     for wraps in (set(), {SURFACES}, {TENDONS}, {SURFACES, TENDONS}):
         model = two_links(frozenset(wraps))
         assert wraps_of(model) == wraps
-        assert compile_paths(model).wrap_rules == (
+        assert compile_paths(model).rules == (
             1 if SURFACES in wraps else None,
             1 if TENDONS in wraps else None,
+            None,
         )

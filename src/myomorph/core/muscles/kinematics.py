@@ -20,7 +20,7 @@ from myomorph.core.model.shown import shown
 from myomorph.core.muscles.coupled_arms import LoopGroup, loop_couplings, loop_groups
 from myomorph.core.muscles.model_paths import Paths, compile_paths
 from myomorph.core.muscles.path_arrays import ARMS
-from myomorph.core.muscles.path_functions import slopes_of_couplers
+from myomorph.core.muscles.path_frame import slopes_of_couplers
 from myomorph.core.muscles.quantities import MOMENT_ARM, MUSCLE_VELOCITY, PATHS
 from myomorph.core.rigid.coordinates import Ints
 

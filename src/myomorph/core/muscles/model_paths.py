@@ -26,12 +26,12 @@ from myomorph.core.muscles import path_arrays as columns
 from myomorph.core.muscles.path import (
     PathMotion,
     PathResults,
+    PathRules,
     PathValues,
-    WrapRules,
     path_frames,
 )
 from myomorph.core.muscles.path_arrays import PathArrays, moved_paths, path_arrays
-from myomorph.core.muscles.path_functions import has_functions, put_path_functions
+from myomorph.core.muscles.path_functions import compile_path_functions, has_functions
 from myomorph.core.rigid.coordinates import Ints
 from myomorph.core.rigid.frames import over_frames
 from myomorph.core.rigid.tree import Flags, Tree, compile_tree
@@ -76,11 +76,18 @@ class Paths:
         return np.repeat(np.arange(len(self.muscles)), np.diff(self.arrays.start[:, columns.ARMS]))
 
     @cached_property
-    def wrap_rules(self) -> WrapRules:
-        """Rules of wrapping in use."""
+    def rules(self) -> PathRules:
+        """Rules by which the paths have their lengths."""
         by_mujoco = self.arrays.wrap[:, columns.AFTER] >= 0
-        return WrapRules(
-            surfaces=1 if (~by_mujoco).any() else None, tendons=1 if by_mujoco.any() else None
+        model = self.tree.model
+        functions = None
+        if has_functions(model):
+            starts = self.arrays.start[1:-1, columns.ARMS]
+            functions = compile_path_functions(model, np.split(self.arm_coordinate, starts))
+        return PathRules(
+            surfaces=1 if (~by_mujoco).any() else None,
+            tendons=1 if by_mujoco.any() else None,
+            functions=functions,
         )
 
     @property
@@ -161,16 +168,13 @@ class Paths:
             nodes=np.full((frames, muscles if nodes else 0, nodes, 4), np.nan),
         )
         tree = self.tree.arrays
-        rules = self.wrap_rules
+        rules = self.rules
 
         def run(start: int, stop: int) -> None:
             part = motion.part(start, stop)
             path_frames(tree, self.arrays, rules, part, results.part(start, stop))
 
         over_frames(run, frames, progress)
-        model = self.tree.model
-        if has_functions(model):
-            put_path_functions(model, self.arrays, motion, values)
         return results
 
     def _at_rest(self, coordinates: Coordinates) -> PathMotion:

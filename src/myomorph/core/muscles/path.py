@@ -31,6 +31,11 @@ from myomorph.core.muscles.path_chain import (
     put_nodes,
 )
 from myomorph.core.muscles.path_frame import PathFrame, frame_room, place_frame, point_at
+from myomorph.core.muscles.path_functions import (
+    PathFunctionArrays,
+    path_function_velocity,
+    put_path_function,
+)
 from myomorph.core.muscles.path_surfaces import Passes, pass_room, wrap_surfaces
 from myomorph.core.muscles.path_tendons import wrap_tendons
 from myomorph.core.rigid.kernels import bare, in_place, inner, kernel
@@ -38,17 +43,19 @@ from myomorph.core.rigid.kernels import bare, in_place, inner, kernel
 SLACK = 1e-5  # Beyond its range in which a coordinate still gives the path a point [rad or m]
 
 
-class WrapRules(NamedTuple):
-    """Rules of wrapping in use: 1 where a path wraps by them, or None where none does.
+class PathRules(NamedTuple):
+    """Rules by which paths have their lengths; None where no path has it by a rule.
 
     Attributes
     ----------
-    surfaces : OpenSim's, `path_surfaces`
-    tendons : MuJoCo's, `path_tendons`
+    surfaces : 1 where a path wraps as in OpenSim, `path_surfaces`
+    tendons : 1 where a path wraps as in MuJoCo, `path_tendons`
+    functions : of coordinates, `path_functions`
     """
 
     surfaces: int | None
     tendons: int | None
+    functions: PathFunctionArrays | None
 
 
 class PathMotion(NamedTuple):
@@ -133,7 +140,7 @@ def path_frames(T, paths, rules, motion, results):
     Parameters
     ----------
     T, paths : `TreeArrays`, `PathArrays`
-    rules : `WrapRules`; what is None there is not compiled: each is half of this kernel
+    rules : `PathRules`; what is None there is not compiled: each of wrapping is half of this kernel
     motion : `PathMotion`, whose dependent coordinates are set here
     results : `PathResults`, filled; pulls only where they have pairs, and then `arms` holds only
         the work of points that move in their bodies; nodes only where they have muscles, and what
@@ -163,22 +170,22 @@ def frame_paths(paths, rules, room, values, frame):
     Parameters
     ----------
     paths : `PathArrays`
-    rules : `WrapRules`
+    rules : `PathRules`
     room : `PathRoom`, placed by `place_frame`
     values : `PathMotion` and `PathResults`
     frame : its number
     """
     motion, results = values
-    _paths(paths, rules[0], rules[1], room, motion, results, frame)
+    _paths(paths, rules[0], rules[1], rules[2], room, motion, results, frame)
 
 
 @bare
-def _paths(paths, surfaces, tendons, room, motion, results, frame):
+def _paths(paths, surfaces, tendons, functions, room, motion, results, frame):
     """Compute all paths in a frame whose poses are known.
 
     Parameters
     ----------
-    surfaces, tendons : of `WrapRules`
+    surfaces, tendons, functions : of `PathRules`
     frame : its number
     """
     start = paths.start
@@ -215,8 +222,16 @@ def _paths(paths, surfaces, tendons, room, motion, results, frame):
             _put_pulls(paths, muscle, pull, results.pulls[frame])
         else:
             gather_arms(paths, muscle, here.bodies, pull, row)
+        if functions is not None:  # noqa: SIM102
+            if functions.number[muscle] >= 0:
+                length = put_path_function(functions, muscle, motion, frame, row)
+                values.lengths[frame, muscle] = length
         hand_on(paths, muscle, here.slopes, row)
-        values.velocities[frame, muscle] = _velocity(paths, muscle, row, motion.speeds[frame])
+        velocity = _velocity(paths, muscle, row, motion.speeds[frame])
+        if functions is not None:  # noqa: SIM102
+            if functions.number[muscle] >= 0:
+                velocity = path_function_velocity(functions, muscle, motion, frame, velocity)
+        values.velocities[frame, muscle] = velocity
 
 
 @in_place

@@ -161,7 +161,7 @@ class _Builder:
         """Add the path of a muscle: bodies, axes between them, points, then wraps."""
         path = muscle.path
         if path.function is not None:
-            # The kernel sees no point of it: `path_functions` puts its values in.
+            # It has no points: `path_functions` gives its length and moment arms.
             names = path.function.coordinates
             self._add_axes([], {self._coordinate(name) for name in names})
             self._end_muscle()

@@ -10,7 +10,7 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.muscles import path_arrays as columns
 from myomorph.core.muscles.wrap.surface import Half, Surface
 from myomorph.core.rigid.coordinates import couple, evaluate, evaluate_at
-from myomorph.core.rigid.kernels import bare, in_place, inner
+from myomorph.core.rigid.kernels import bare, in_place, inner, kernel
 from myomorph.core.rigid.kinematics import PoseArrays, body_poses, pose_room
 from myomorph.core.rigid.vectors import matrix, plus, product, turned, vector
 
@@ -80,6 +80,13 @@ def coupler_slopes(paths, c, slopes):
         i = coupler[index, 1]
         j = coupler[index, 2]
         _, slopes[index, 0], slopes[index, 1], _, _, _ = evaluate_at(functions, function, i, j, c)
+
+
+@kernel
+def slopes_of_couplers(paths, c, slopes):
+    """`coupler_slopes` of frames: c (frames, coordinates), slopes (frames, couplers, 2) filled."""
+    for frame in range(c.shape[0]):
+        coupler_slopes(paths, c[frame], slopes[frame])
 
 
 @in_place

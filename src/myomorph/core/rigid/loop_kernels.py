@@ -223,12 +223,25 @@ def loop_rate_frames(  # page: arrays over frames, of which each call takes a pa
     for frame in range(c.shape[0]):
         body_poses(T, c[frame], pose)
         body_rates(T, State(c=c[frame], cdot=cdot[frame], cddot=cddot[frame]), pose, rates)
-        for i in range(loops.body_1.shape[0]):
-            row = loops.row[i]
-            if loops.row[i + 1] - row == 6:
-                _put_rotation_rates(loops, i, pose, rates, first[frame, row:], second[frame, row:])
-                row += 3
-            _put_gap_rates(loops, i, pose, rates, first[frame, row:], second[frame, row:])
+        loop_rates(loops, pose, rates, first[frame], second[frame])
+
+
+@bare
+def loop_rates(loops, pose, rates, first, second):
+    """First and second time derivatives of `loop_errors`.
+
+    Parameters
+    ----------
+    loops : `LoopArrays`
+    pose, rates : of `body_poses` and `body_rates`
+    first, second : (rows,) filled
+    """
+    for i in range(loops.body_1.shape[0]):
+        row = loops.row[i]
+        if loops.row[i + 1] - row == 6:
+            _put_rotation_rates(loops, i, pose, rates, first[row:], second[row:])
+            row += 3
+        _put_gap_rates(loops, i, pose, rates, first[row:], second[row:])
 
 
 @bare

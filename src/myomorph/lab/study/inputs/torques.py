@@ -71,7 +71,7 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[Message, ...]]
     columns: dict[str, int] = {}
     unused: list[str] = []
     for index, column in enumerate(table.names):
-        name = _coordinate(column, model, path)
+        name = torque_coordinate(column, model, path)
         if name is None:
             unused.append(column)
         elif name in columns:
@@ -108,8 +108,23 @@ def read_torques(path: Path, model: Model) -> tuple[Series, tuple[Message, ...]]
     return Series(table.time, tuple(columns), values), notes
 
 
-def _coordinate(column: str, model: Model, path: Path) -> str | None:
-    """Return the coordinate that a column is of, or None."""
+def torque_coordinate(column: str, model: Model, path: Path) -> str | None:
+    """Find the coordinate that a column of a table of torques is of.
+
+    Parameters
+    ----------
+    column : its name
+    model : with the coordinates
+    path : of the table, for messages
+
+    Returns
+    -------
+    name of the coordinate, None where the column is of none
+
+    Raises
+    ------
+    BadData : the ending of the column is that of the other kind of coordinate
+    """
     if column in model.coordinate_names:
         return column
     for ending, wrong in ((MOMENT, "translational"), (FORCE, "rotational")):
