@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from tests.trees import floating_tree, swinging
 
 from myomorph.core.io.formats import read_model
-from myomorph.core.io.sto import write_sto
+from myomorph.core.io.sto import read_sto, write_sto
 from myomorph.core.model.errors import BadData, UnknownName
-from myomorph.core.model.series import Series
+from myomorph.core.model.series import Series, Table
 from myomorph.core.rigid.dynamics import inverse_dynamics
 from myomorph.core.rigid.kinematics import forward_kinematics
 from myomorph.core.rigid.tree import compile_tree
-from myomorph.core.tension.solve import solve_tension
 from myomorph.core.tension.terms.actuators import default_reserves
 from myomorph.forward.drives import Drives
 from myomorph.forward.reserves import read_reserves
 from myomorph.forward.shares import muscle_torques, shares_of
 from myomorph.forward.simulate import SimulationOptions, simulate
 from myomorph.lab.cli.program import main
+from myomorph.lab.store.quantity_files import quantity_table
 
 ARM = "opensim-reference-small/arm26_bounds.osim"
 OPTIONS = SimulationOptions(seconds=0.25, rate=200.0, tolerance=1e-8)
+
+
+def run(*words):
+    return main([str(word) for word in words])
 
 
 def driven_arm(model):
@@ -61,27 +63,35 @@ def test_reserves_are_what_inverse_dynamics_leaves_of_the_muscles(data):
     assert simulation.energy.largest_share < 1e-6
 
 
-def test_a_motion_is_followed_by_its_own_tensions_with_little_feedback(data, tmp_path, capsys):
+def test_a_motion_is_followed_by_its_own_tensions_with_hardly_any_feedback(data, tmp_path, capsys):
     path = data(ARM)
     model = read_model(path)
     _, simulation = driven_arm(model)
-    motion = simulation.motion
-    tension = solve_tension(model, motion, inverse_dynamics(model, motion))
-    write_sto(replace(motion, velocities=None, accelerations=None), tmp_path / "motion.sto")
-    activations = Series(motion.time, tension.muscles, tension.activation)
-    write_sto(activations, tmp_path / "activations.sto")
-    reserves = Series(motion.time, tension.reserve_names, tension.actuator_force)
+    motion = tmp_path / "motion.sto"
+    write_sto(quantity_table(simulation.motion, model), motion)
+    # Strong reserves, which take a good part of the muscles.
+    words = ("tension", "--model", path, "--motion", motion, "--cutoff", 0, "--reserve", 50)
+    solved = tmp_path / "tension"
+    assert run(*words, "--out", solved) == 0
+    reserves = read_sto(solved / "reserves.sto")
     assert np.abs(reserves.values).max() > 0.1
-    write_sto(reserves, tmp_path / "reserves.sto")
-    words = ("simulate", "--model", str(path), "--start", str(tmp_path / "motion.sto"))
-    words += ("--activations", str(tmp_path / "activations.sto"), "--follow", "5")
+    words = ("simulate", "--model", path, "--start", motion, "--follow", 5)
+    words += ("--activations", solved / "activations.sto")
     sizes = {}
-    for name, more in (("without", ()), ("with", ("--reserves", str(tmp_path / "reserves.sto")))):
-        assert main([*words, *more, "--out", str(tmp_path / name)]) == 0
-        line = next(line for line in capsys.readouterr().out.splitlines() if "Joints, RMS" in line)
+    for name, more in {
+        "without": (),
+        "with": ("--reserves", solved / "reserves.sto"),
+        "passive": ("--reserves", solved / "reserves.sto", "--passive"),
+    }.items():
+        capsys.readouterr()
+        assert run(*words, *more, "--out", tmp_path / name) == 0
+        printed = capsys.readouterr().out
+        line = next(line for line in printed.splitlines() if "Joints, RMS" in line)
         assert ("reserves" in line) == bool(more)
+        assert ("Passive forces of muscles: none, as in" in printed) == (name != "passive")
         sizes[name] = float(line.split("feedback ")[1].split()[0])
-    assert sizes["with"] < 0.05 * sizes["without"]
+    assert sizes["with"] < 0.02 * sizes["without"]
+    assert sizes["with"] < 0.02 * sizes["passive"]
 
 
 def test_residuals_do_the_work_of_forces_on_their_body(tmp_path):
@@ -89,7 +99,7 @@ def test_residuals_do_the_work_of_forces_on_their_body(tmp_path):
     motion = swinging(model, 5, 0.01, seed=1)
     names = tuple(actuator.name for actuator in default_reserves(model))
     forces = np.random.default_rng(0).normal(size=(5, len(names)))
-    write_sto(Series(motion.time, names, forces), tmp_path / "reserves.sto")
+    write_sto(Table(motion.time, names, forces), tmp_path / "reserves.sto")
     reserves, notes = read_reserves(tmp_path / "reserves.sto", model, motion)
     assert not notes
     tree = compile_tree(model)
@@ -126,7 +136,7 @@ def test_residuals_do_the_work_of_forces_on_their_body(tmp_path):
 
 def test_a_table_of_something_else_is_named(data, tmp_path):
     model = read_model(data(ARM))
-    write_sto(Series(np.arange(3.0), ("markers",), np.zeros((3, 1))), tmp_path / "wrong.sto")
+    write_sto(Table(np.arange(3.0), ("markers",), np.zeros((3, 1))), tmp_path / "wrong.sto")
     with pytest.raises(UnknownName, match="reserve_r_elbow_flex"):
         read_reserves(tmp_path / "wrong.sto", model, None)
 

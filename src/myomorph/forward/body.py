@@ -14,9 +14,10 @@ from myomorph.core.model.functions import Function
 from myomorph.core.model.model import Model
 from myomorph.core.model.paths import Muscle
 from myomorph.core.model.series import Series
-from myomorph.core.muscles.curves import Curve, pack_curves
+from myomorph.core.muscles.curves import Curve, Piece, pack_curves
 from myomorph.core.muscles.fiber_states import fiber_muscle
 from myomorph.core.muscles.hill import (
+    HillArrays,
     activation_times,
     compile_hill,
     has_elastic_tendon,
@@ -41,6 +42,7 @@ from myomorph.forward.contact_law import Ground
 from myomorph.forward.drives import NO_DRIVES, Drives
 
 NONE = np.zeros(0)
+NOTHING = Curve(pieces=(Piece(start=-np.inf, y=(0.0,)),))  # Of fibers without passive force
 STEEPNESS = 0.1  # Of a smooth switch where the muscle states none, as in OpenSim
 
 
@@ -53,11 +55,13 @@ class SimulatedBody:
     model : its muscles, springs and bushings take part but where torques drive it
     drives : what moves it
     elastic : whether tendons stretch, where a muscle's class and the model let them
+    passive : whether passive elastic forces of muscles take part
     """
 
     model: Model
     drives: Drives = NO_DRIVES
     elastic: bool = False
+    passive: bool = True
 
     def __post_init__(self) -> None:
         refuse(self.model)
@@ -147,27 +151,24 @@ class SimulatedBody:
         curve = np.full((count, 4), -1, np.int64)
         damping = np.zeros(count)
         slowed = np.zeros(count)
-        least = np.zeros(count)
         curves: list[Curve] = []
         for m, (kind, muscle) in enumerate(zip(kinds, model.muscles, strict=True)):
-            stated = fiber_muscle(muscle)
-            if stated is not None:
-                least[m] = stated.least_activation(muscle) or 0.0
             if muscle.name not in self.elastic_muscles:
                 continue
             fiber[m] = self.elastic_muscles.index(muscle.name)
             curve[m] = len(curves) + np.arange(4)
             fibers = kind.curves(muscle)
-            curves += [fibers.active, _unbounded(fibers.velocity), fibers.passive]
+            passive = fibers.passive if self.passive else NOTHING
+            curves += [fibers.active, _unbounded(fibers.velocity), passive]
             curves.append(kind.tendon(muscle))
             damping[m] = kind.fiber_damping(muscle)
             slowed[m] = kind.slowed
         return MuscleArrays(
-            hill=compile_hill(model),
+            hill=compile_hill(model) if self.passive else _without_passive(model),
             enabled=np.array([muscle.enabled for muscle in model.muscles], np.bool_)
             & self.has_tissue,
             viscosity=viscosities(model),
-            least=least,
+            least=self._least_activations(),
             times=activation_times(model),
             smoothing=np.array(
                 [_smoothing(*pair) for pair in zip(kinds, model.muscles, strict=True)]
@@ -178,6 +179,20 @@ class SimulatedBody:
             damping=damping,
             slowed=slowed,
         )
+
+    def _least_activations(self) -> Array:
+        """Find the least activation of each muscle, (muscles,).
+
+        A rigid tendon needs none, so that activations of a table act as they are.
+        """
+        activations = self.drives.activations
+        given = () if activations is None or self.elastic else activations.names
+        least = np.zeros(len(self.model.muscles))
+        for m, muscle in enumerate(self.model.muscles):
+            stated = fiber_muscle(muscle)
+            if stated is not None and muscle.name not in given:
+                least[m] = stated.least_activation(muscle) or 0.0
+        return least
 
     def _drives(self, free: np.ndarray) -> DriveArrays:
         """Drives as tables in the model's order."""
@@ -224,6 +239,17 @@ def refuse(model: Model) -> None:
     """
     if not len(free_coordinates(compile_tree(model))):
         raise BadModel(f"no coordinate of model '{model.name}' is free to move: unlock one")
+
+
+def _without_passive(model: Model) -> HillArrays:
+    """Compile muscles whose fibers have no passive force."""
+    kinds = muscle_models(model)
+    curves: list[Curve] = []
+    for kind, muscle in zip(kinds, model.muscles, strict=True):
+        fibers = kind.curves(muscle)
+        curves += [fibers.active, fibers.velocity, NOTHING]
+    rows = np.arange(len(curves), dtype=np.int64).reshape(-1, 3)
+    return compile_hill(model)._replace(curve=rows, curves=pack_curves(curves))
 
 
 def _unbounded(velocity: Curve) -> Curve:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -136,6 +136,8 @@ def simulate_command(
     has_mass(read, "a simulation")
     other = changes.applied(read) if changes else None
     inputs = read_inputs(named, read)
+    if settings.passive is None:
+        settings = replace(settings, passive=inputs.passive)
     made = provenance_of(
         STEP,
         (file_source("model", model), *named.sources),
@@ -176,16 +178,20 @@ def _run(name: str, model: Model, inputs: SimulationInputs, options: SimulationO
         f"simulating {name}" if name != "simulation" else "simulating", frames
     ) as advance:
         done = simulate(model, inputs.start, inputs.drives, options, progress=advance)
-    return _Done(simulation=done, page=page_run(name, done, _driven(done, inputs)))
+    return _Done(simulation=done, page=page_run(name, done, _driven(done, inputs, options)))
 
 
-def _driven(done: Simulation, inputs: SimulationInputs) -> tuple[tuple[str, str], ...]:
+def _driven(
+    done: Simulation, inputs: SimulationInputs, options: SimulationOptions
+) -> tuple[tuple[str, str], ...]:
     """Facts on shares of what moved the body, and on a motion that was followed."""
     drives = inputs.drives
-    if drives.follow is None and drives.reserves is None:
-        return ()
-    shares = shares_of(done, drives)
-    facts = tuple((f"{share.where}, RMS", share.sentence) for share in shares)
+    facts = []
+    if drives.follow is not None or drives.reserves is not None:
+        facts = [(f"{share.where}, RMS", share.sentence) for share in shares_of(done, drives)]
+    if options.passive is False:
+        text = "none, as in the tensions (else --passive)" if inputs.passive is False else "none"
+        facts.append(("Passive forces of muscles", text))
     return (*facts, *_following(done, inputs))
 
 

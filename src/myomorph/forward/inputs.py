@@ -21,13 +21,15 @@ from myomorph.forward.contact_law import NO_GROUND, Ground
 from myomorph.forward.drives import Drives
 from myomorph.forward.feet import MAX_DEPTH, depth_at, floor_under_feet
 from myomorph.forward.reserves import read_reserves
-from myomorph.lab.store.results import file_sources
+from myomorph.lab.store.results import file_sources, read_result
 from myomorph.lab.study.inputs import reading
 from myomorph.lab.study.inputs.external_forces import read_loads
 from myomorph.lab.study.inputs.torques import read_torques
 
 MIN_FRAMES = 4
 STATE = "/activation"
+TENSION = "tension"
+TENSION_RESULT = "tension.nc"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,11 +82,14 @@ class SimulationInputs:
     ----------
     start : motion with velocities; None for the model's defaults
     drives : of the body
+    passive : whether passive forces of muscles took part in the tensions whose activations drive
+        it; None where no result of them lies beside the activations
     notes : on the files
     """
 
     start: Motion | None
     drives: Drives
+    passive: bool | None = None
     notes: tuple[Message, ...] = ()
 
 
@@ -124,7 +129,21 @@ def read_inputs(files: SimulationFiles, model: Model) -> SimulationInputs:
         feedback=files.follow,
     )
     drives.check(model)
-    return SimulationInputs(start=motion, drives=drives, notes=notes)
+    passive = None if files.activations is None else _passive_beside(files.activations)
+    return SimulationInputs(start=motion, drives=drives, passive=passive, notes=notes)
+
+
+def _passive_beside(activations: Path) -> bool | None:
+    """Read whether passive forces took part in the result of `tension` in a table's folder."""
+    result = activations.parent / TENSION_RESULT
+    if not result.is_file():
+        return None
+    made = read_result(result).provenance.get(TENSION)
+    if made is None:
+        return None
+    stated = made.options.get("tension.passive")
+    elastic = made.options.get("tension.tendons") == "elastic"
+    return elastic if stated is None else bool(stated)
 
 
 def _refuse_without_start(files: SimulationFiles) -> None:

@@ -63,6 +63,8 @@ class SimulationOptions:
     max_step : longest step [s]
     max_steps : steps after which a run gives up
     tendons : whether tendons stretch
+    passive : whether the muscles' passive elastic forces take part; by default as in the tensions
+        whose activations drive the body, where the command finds their result, else they do
     certify : run again with half the tolerance, and say by how much the motion differs
     """
 
@@ -72,6 +74,7 @@ class SimulationOptions:
     max_step: float = 0.02
     max_steps: int = 1_000_000
     tendons: Literal["rigid", "elastic"] = "rigid"
+    passive: bool | None = None
     certify: bool = False
 
     def __post_init__(self) -> None:
@@ -171,7 +174,12 @@ def simulate(
     ((101, 2), True)
     """
     check_argument("model", model, Model)
-    body = SimulatedBody(model=model, drives=drives, elastic=options.tendons == "elastic")
+    body = SimulatedBody(
+        model=model,
+        drives=drives,
+        elastic=options.tendons == "elastic",
+        passive=options.passive is not False,
+    )
     run = Run(body=body, start=start, options=options)
     simulation = run.simulation(progress)
     if options.certify:

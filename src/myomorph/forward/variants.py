@@ -79,7 +79,12 @@ def simulate_variants(
     -------
     motions, in the order of the variants
     """
-    body = SimulatedBody(model=model, drives=drives, elastic=options.tendons == "elastic")
+    body = SimulatedBody(
+        model=model,
+        drives=drives,
+        elastic=options.tendons == "elastic",
+        passive=options.passive is not False,
+    )
     usual = Run(body=body, start=variants[0].start, options=options)
     times = usual.times
     compiled = usual.system
