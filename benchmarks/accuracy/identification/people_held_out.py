@@ -66,7 +66,16 @@ class Survey(NamedTuple):
     logs: Array
 
     def of(self, names: Sequence[str]) -> Array:
-        """Logarithms (people, names) of some measurements."""
+        """Choose measurements.
+
+        Parameters
+        ----------
+        names : of measurements
+
+        Returns
+        -------
+        logarithms (people, names)
+        """
         return self.logs[:, [self.names.index(name) for name in names]]
 
     def regression(self, names: Sequence[str], between: float) -> People:

@@ -99,6 +99,10 @@ def compile_path_functions(model: Model, arms: Sequence[Ints]) -> PathFunctionAr
     ----------
     model : of the muscles
     arms : of each muscle the numbers of the coordinates that move it, in the order of its arms
+
+    Returns
+    -------
+    the arrays
     """
     formulas = _Formulas()
     number = np.full(len(model.muscles), -1, np.int64)
