@@ -517,11 +517,8 @@ def test_declared_virtual_links_of_a_real_model(data):
             np.testing.assert_allclose(there, 1.2 * seen, atol=1e-9)
 
 
-def test_a_virtual_link_follows_the_bones_around_it():
-    """Two bones that grow apart move the points of the massless link between them.
-
-    The position of its own frame does not matter.
-    """
+def trunk_with_a_link() -> Model:
+    """Return a torso that slides on a pelvis, with a massless link and a muscle between them."""
     slide = Axis(
         kind="translation",
         vector=np.array([0.0, 1.0, 0.0]),
@@ -567,7 +564,7 @@ def test_a_virtual_link_follows_the_bones_around_it():
             PathPoint("c", "torso", np.zeros(3)),
         )
     )
-    model = Model(
+    return Model(
         name="trunk",
         bodies=bodies,
         joints=joints,
@@ -584,6 +581,14 @@ def test_a_virtual_link_follows_the_bones_around_it():
             ),
         ),
     )
+
+
+def test_a_virtual_link_follows_the_bones_around_it():
+    """Two bones that grow apart move the points of the massless link between them.
+
+    The position of its own frame does not matter.
+    """
+    model = trunk_with_a_link()
     corners = 0.04 * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
     turn = rotation_from_euler_xyz((0.4, 1.0, -0.3))
 

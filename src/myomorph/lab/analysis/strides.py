@@ -219,14 +219,23 @@ def find_strides(  # page: points and legs, and what is known of a recording, al
         }
     notes += _without_strikes(tracks)
     stepping = {name: track for name, track in tracks.items() if len(track.strikes)}
-    ground = -abs(ground_speed) if ground_speed is not None else 0.0
-    if ground_speed is None and not travel.over_ground:
+    if ground_speed is not None:
+        ground = -abs(ground_speed)
+    elif travel.over_ground:
+        ground = 0.0
+    else:
         ground = foot_events.ground_speed_of(stepping, trunk, travel, options)
-        if ground:
-            advice = "as standing feet do; give the belt's speed if it is known"
-            notes.append(STRIDES.message(f"the ground moves at {ground:.3g} m/s {advice}"))
+        notes += _belt_notes(ground)
     gait = _Gait(tracks=FrozenMap(stepping), travel=travel, up=up, ground=ground, options=options)
     return _result(gait, [limb.name for limb in limbs], notes)
+
+
+def _belt_notes(ground: float) -> list[Message]:
+    """Report the speed of a belt [m/s] that standing feet show, where it moves."""
+    if not ground:
+        return []
+    advice = "as standing feet do; give the belt's speed if it is known"
+    return [STRIDES.message(f"the ground moves at {ground:.3g} m/s {advice}")]
 
 
 def _sides_differ(limbs: Sequence[Limb]) -> bool:
