@@ -22,6 +22,17 @@ from myomorph.lab.report.trial.report_input import ReportInput
 
 RATE = 100.0
 GRAVITY = 9.80665
+MUSCLES = (
+    (
+        "recfem",
+        ((0.05, 0.1, 0.0, "pelvis"), (0.05, -0.3, 0.0, "femur"), (0.04, -0.05, 0.0, "tibia")),
+        1200.0,
+    ),
+    ("bflh", ((-0.05, 0.0, 0.0, "pelvis"), (-0.04, -0.05, 0.0, "tibia")), 900.0),
+    ("glmax1", ((-0.08, 0.1, 0.0, "pelvis"), (-0.03, -0.1, 0.0, "femur")), 500.0),
+    ("glmax2", ((-0.08, 0.05, 0.0, "pelvis"), (-0.03, -0.12, 0.0, "femur")), 1500.0),
+)
+"""Names, points in bodies and maximum isometric forces [N] of the muscles of a leg."""
 
 
 def _at(*point: float) -> Transform:
@@ -30,6 +41,45 @@ def _at(*point: float) -> Transform:
 
 def _axis(kind: str, vector: tuple[float, float, float], name: str) -> Axis:
     return Axis(kind=kind, vector=np.array(vector), function=linear(1.0), coordinates=(name,))  # type: ignore[arg-type]
+
+
+def _hinge(name: str, parent: str, child: str, place: Transform) -> Joint:
+    return Joint(
+        name=name,
+        kind="PinJoint",
+        parent=parent,
+        child=child,
+        parent_frame=place,
+        child_frame=_at(0, 0, 0),
+        axes=(_axis("rotation", (0, 0, 1), name),),
+        coordinates=(name,),
+    )
+
+
+def _muscle(
+    name: str,
+    side: str,
+    z: float,
+    points: tuple[tuple[float, float, float, str], ...],
+    force: float,
+    size: float,
+) -> Muscle:
+    path = tuple(
+        PathPoint(
+            f"{name}-{i}",
+            body if body == "pelvis" else f"{body}_{side}",
+            np.array([x, y, zz + (z if body == "pelvis" else 0.0)]) * [size, size, 1],
+        )
+        for i, (x, y, zz, body) in enumerate(points)
+    )
+    return Muscle(
+        name=f"{name}_{side}",
+        kind="Thelen2003Muscle",
+        path=Path(path),
+        max_isometric_force=force * size**2,
+        optimal_fiber_length=0.1,
+        tendon_slack_length=0.2,
+    )
 
 
 def model(size: float = 1.0, mass: float = 60.0) -> Model:
@@ -74,64 +124,21 @@ def model(size: float = 1.0, mass: float = 60.0) -> Model:
         shank = f"tibia_{side}"
         bodies += [
             Body(
-                name=thigh,
-                mass=0.15 * mass,
+                name=name,
+                mass=share * mass,
                 mass_center=np.array([0.0, -0.2 * size, 0.0]),
                 inertia=inertia,
-            ),
-            Body(
-                name=shank,
-                mass=0.05 * mass,
-                mass_center=np.array([0.0, -0.2 * size, 0.0]),
-                inertia=inertia,
-            ),
+            )
+            for name, share in ((thigh, 0.15), (shank, 0.05))
         ]
-        for name, parent, child, place in (
-            (f"hip_flexion_{side}", "pelvis", thigh, _at(0, 0, z)),
-            (f"knee_angle_{side}", thigh, shank, _at(0, -0.4 * size, 0)),
-        ):
-            axes = (_axis("rotation", (0, 0, 1), name),)
-            joints.append(
-                Joint(
-                    name=name,
-                    kind="PinJoint",
-                    parent=parent,
-                    child=child,
-                    parent_frame=place,
-                    child_frame=_at(0, 0, 0),
-                    axes=axes,
-                    coordinates=(name,),
-                )
-            )
-            coordinates.append(Coordinate(name, "rotational", range=(-2.0, 2.0)))
-        for name, points, force in (
-            (
-                "recfem",
-                ((0.05, 0.1, 0.0, "pelvis"), (0.05, -0.3, 0.0, thigh), (0.04, -0.05, 0.0, shank)),
-                1200.0,
-            ),
-            ("bflh", ((-0.05, 0.0, 0.0, "pelvis"), (-0.04, -0.05, 0.0, shank)), 900.0),
-            ("glmax1", ((-0.08, 0.1, 0.0, "pelvis"), (-0.03, -0.1, 0.0, thigh)), 500.0),
-            ("glmax2", ((-0.08, 0.05, 0.0, "pelvis"), (-0.03, -0.12, 0.0, thigh)), 1500.0),
-        ):
-            path = tuple(
-                PathPoint(
-                    f"{name}-{i}",
-                    body,
-                    np.array([x, y, zz + (z if body == "pelvis" else 0.0)]) * [size, size, 1],
-                )
-                for i, (x, y, zz, body) in enumerate(points)
-            )
-            muscles.append(
-                Muscle(
-                    name=f"{name}_{side}",
-                    kind="Thelen2003Muscle",
-                    path=Path(path),
-                    max_isometric_force=force * size**2,
-                    optimal_fiber_length=0.1,
-                    tendon_slack_length=0.2,
-                )
-            )
+        joints += [
+            _hinge(f"hip_flexion_{side}", "pelvis", thigh, _at(0, 0, z)),
+            _hinge(f"knee_angle_{side}", thigh, shank, _at(0, -0.4 * size, 0)),
+        ]
+        coordinates += [
+            Coordinate(joint.name, "rotational", range=(-2.0, 2.0)) for joint in joints[-2:]
+        ]
+        muscles += [_muscle(name, side, z, points, force, size) for name, points, force in MUSCLES]
     return Model(
         name="walker",
         bodies=tuple(bodies),

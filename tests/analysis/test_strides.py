@@ -194,7 +194,7 @@ def test_plates_go_before_markers():
     assert {one.source for one in found.of("foot_r")} == {"plates"}
     assert {one.source for one in found.of("foot_l")} == {"markers"}
     np.testing.assert_allclose(found.strikes["foot_r"][:11], strikes + 0.004, atol=0.006)
-    with pytest.raises(BadData, match="weight is missing"):
+    with pytest.raises(BadData, match="need the body weight"):
         find_strides(made, LIMBS, ("trunk",), Z, wrenches=loads)
 
 

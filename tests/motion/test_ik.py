@@ -24,6 +24,47 @@ def _axis(kind, vector, coordinate):
     return Axis(kind=kind, vector=vector, function=linear(1.0), coordinates=(coordinate,))
 
 
+def leg_joints(side, sign, names):
+    """Make a hip with these coordinates, a knee that slides as it bends, and the cap's joint."""
+    still = Transform.identity()
+    hip = Transform(np.eye(3), np.array([0.0, -0.1, 0.1 * sign]))
+    knee = Transform(np.eye(3), np.array([0.0, -0.4, 0.0]))
+    slide = simm_spline([-2.0, -1.0, 0.0, 1.0], [0.02, 0.01, 0.0, 0.0])
+    slides = Axis(kind="translation", vector=X, function=slide, coordinates=(f"knee_{side}",))
+    return [
+        Joint(
+            name=f"hip_{side}",
+            kind="CustomJoint",
+            parent="trunk",
+            child=f"thigh_{side}",
+            parent_frame=hip,
+            child_frame=still,
+            axes=tuple(_axis("rotation", v, n) for v, n in zip((Z, X, Y), names, strict=True)),
+            coordinates=names,
+        ),
+        Joint(
+            name=f"knee_{side}",
+            kind="CustomJoint",
+            parent=f"thigh_{side}",
+            child=f"shank_{side}",
+            parent_frame=knee,
+            child_frame=still,
+            axes=(slides, _axis("rotation", Z, f"knee_{side}")),
+            coordinates=(f"knee_{side}",),
+        ),
+        Joint(
+            name=f"cap_{side}",
+            kind="PinJoint",
+            parent=f"thigh_{side}",
+            child=f"cap_{side}",
+            parent_frame=knee,
+            child_frame=still,
+            axes=(_axis("rotation", Z, f"cap_{side}"),),
+            coordinates=(f"cap_{side}",),
+        ),
+    ]
+
+
 def walker():
     """Make a floating trunk with two legs of hip (3) and knee (1), the knee caps coupled.
 
@@ -52,51 +93,8 @@ def walker():
     ]
     couplers = []
     for side, sign in (("r", 1.0), ("l", -1.0)):
-        hip = Transform(np.eye(3), np.array([0.0, -0.1, 0.1 * sign]))
         names = tuple(f"hip_{a}_{side}" for a in ("z", "x", "y"))
-        axes = tuple(_axis("rotation", v, n) for v, n in zip((Z, X, Y), names, strict=True))
-        joints.append(
-            Joint(
-                name=f"hip_{side}",
-                kind="CustomJoint",
-                parent="trunk",
-                child=f"thigh_{side}",
-                parent_frame=hip,
-                child_frame=still,
-                axes=axes,
-                coordinates=names,
-            )
-        )
-        knee = Transform(np.eye(3), np.array([0.0, -0.4, 0.0]))
-        slide = simm_spline([-2.0, -1.0, 0.0, 1.0], [0.02, 0.01, 0.0, 0.0])
-        axes = (
-            Axis(kind="translation", vector=X, function=slide, coordinates=(f"knee_{side}",)),
-            _axis("rotation", Z, f"knee_{side}"),
-        )
-        joints.append(
-            Joint(
-                name=f"knee_{side}",
-                kind="CustomJoint",
-                parent=f"thigh_{side}",
-                child=f"shank_{side}",
-                parent_frame=knee,
-                child_frame=still,
-                axes=axes,
-                coordinates=(f"knee_{side}",),
-            )
-        )
-        joints.append(
-            Joint(
-                name=f"cap_{side}",
-                kind="PinJoint",
-                parent=f"thigh_{side}",
-                child=f"cap_{side}",
-                parent_frame=knee,
-                child_frame=still,
-                axes=(_axis("rotation", Z, f"cap_{side}"),),
-                coordinates=(f"cap_{side}",),
-            )
-        )
+        joints += leg_joints(side, sign, names)
         couplers.append(
             Coupler(
                 name=f"cap_{side}",
