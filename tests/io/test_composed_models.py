@@ -9,8 +9,8 @@ import pytest
 
 from myomorph.core.io.mjcf import composed
 from myomorph.core.io.mjcf.composed import composed_model
+from myomorph.core.model.cache_folder import kernel_folder
 from myomorph.core.model.errors import BadFile
-from myomorph.core.rigid.kernel_files import kernel_folder
 
 NAME = "myofinger"
 pytest.importorskip("myo_sim")

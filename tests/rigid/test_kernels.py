@@ -22,11 +22,13 @@ from numba.core.errors import NumbaError
 
 import myomorph
 from myomorph import __version__
-from myomorph.core.rigid import kernel_cache, kernel_files, vectors
+from myomorph.core.model import cache_folder
+from myomorph.core.model.cache_folder import PACKAGE, kernel_folder
+from myomorph.core.rigid import kernel_cache, vectors
 from myomorph.core.rigid.frames import over_frames
 from myomorph.core.rigid.kernel_cache import KernelFile
 from myomorph.core.rigid.kernel_code import TRIED
-from myomorph.core.rigid.kernel_files import PACKAGE, kernel_folder, source_digest
+from myomorph.core.rigid.kernel_files import source_digest
 from myomorph.core.rigid.kernels import interpreted, kernel, signatures_on_disk
 from myomorph.core.rigid.vectors import turned
 
@@ -148,7 +150,7 @@ def test_kernels_of_each_version_and_copy_have_a_folder_of_their_own(tmp_path, m
     here = kernel_folder()
     assert here.parent == tmp_path
     assert __version__ in here.name
-    monkeypatch.setattr(kernel_files, "PACKAGE", tmp_path / "elsewhere")
+    monkeypatch.setattr(cache_folder, "PACKAGE", tmp_path / "elsewhere")
     elsewhere = kernel_folder()
     monkeypatch.setattr(myomorph, "__version__", "0.0.1")
     assert len({here, elsewhere, kernel_folder()}) == 3

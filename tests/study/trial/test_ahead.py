@@ -9,8 +9,8 @@ import sys
 
 from filelock import FileLock
 
+from myomorph.core.model.cache_folder import kernel_folder
 from myomorph.core.rigid.kernel_cache import LOCK
-from myomorph.core.rigid.kernel_files import kernel_folder
 from myomorph.lab.study.workers.ahead import TENDONS, compile_muscles
 
 USE = """

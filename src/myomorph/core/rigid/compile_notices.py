@@ -22,7 +22,8 @@ def before_compiling(listener: Callable[[Path, bool], None]) -> None:
 def announce() -> None:
     """Call the listeners that were not called yet."""
     # Commands that compile nothing ask for listeners only.
-    from myomorph.core.rigid.kernel_files import can_keep_kernels, kernel_folder
+    from myomorph.core.model.cache_folder import kernel_folder
+    from myomorph.core.rigid.kernel_files import can_keep_kernels
 
     for listener in [listener for listener, called in _ANNOUNCED.items() if not called]:
         _ANNOUNCED[listener] = True

@@ -30,6 +30,7 @@ from numba.core.caching import (
     _CacheLocator,
 )
 
+from myomorph.core.model.cache_folder import kernel_folder
 from myomorph.core.rigid.kernel_code import (
     NUMBERS,
     CodeHead,
@@ -41,7 +42,7 @@ from myomorph.core.rigid.kernel_code import (
     kernel_name,
     store_code,
 )
-from myomorph.core.rigid.kernel_files import OURS, kernel_folder, source_digest
+from myomorph.core.rigid.kernel_files import OURS, source_digest
 
 LOCK = "kernels.lock"
 LOCKS = "locks"

@@ -29,7 +29,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from myomorph.core.rigid.kernel_files import OURS, kernel_folder, source_digest
+from myomorph.core.model.cache_folder import kernel_folder
+from myomorph.core.rigid.kernel_files import OURS, source_digest
 
 FORM = 1  # Of the files; those of another are not read
 SUFFIX = ".code"

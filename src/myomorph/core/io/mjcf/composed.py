@@ -17,9 +17,9 @@ from importlib.metadata import version
 from pathlib import Path
 
 from myomorph.core.io.formats import COMPOSED
+from myomorph.core.model.cache_folder import kernel_folder
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.model import Model
-from myomorph.core.rigid.kernel_files import kernel_folder
 
 HOME = Path(__file__).parent
 SOURCES = (HOME, HOME.parents[1] / "model")

@@ -17,9 +17,9 @@ from statistics import median_high
 
 from myomorph.core.io.parsing.cells import csv_records
 from myomorph.core.io.parsing.text import write_csv
+from myomorph.core.model.cache_folder import kernel_folder
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import grouped
-from myomorph.core.rigid.kernel_files import kernel_folder
 from myomorph.lab.store.outcome import Key, Outcome
 from myomorph.lab.study.run.work import Work
 

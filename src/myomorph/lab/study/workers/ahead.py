@@ -16,6 +16,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from myomorph.core.model.cache_folder import kernel_folder
 from myomorph.core.model.functions import linear
 from myomorph.core.model.model import GROUND, Actuator, Axis, Body, Coordinate, Joint, Marker, Model
 from myomorph.core.model.paths import Muscle, PathPoint, PathWrap, TendonWrap, WrapObject
@@ -24,7 +25,6 @@ from myomorph.core.model.series import Motion, Series
 from myomorph.core.model.spatial import Transform
 from myomorph.core.motion.filters import differentiate
 from myomorph.core.rigid.dynamics import inverse_dynamics
-from myomorph.core.rigid.kernel_files import kernel_folder
 from myomorph.core.rigid.kernels import signatures_on_disk
 from myomorph.lab.store.progress import progress
 
