@@ -257,7 +257,7 @@ def test_problems_that_share_unknowns_add_up():
     found = estimate(both, method=CLOSE)
     # Priors of unknowns count once: minimum of s^2 + o^2 + (s - 1)^2 + (o + s - 3)^2.
     np.testing.assert_allclose(found.posterior.x, [1.0, 1.0], atol=1e-9)
-    with pytest.raises(BadData, match="two ways"):
+    with pytest.raises(BadData, match="declared twice"):
         first + Problem(Unknowns((block("shared", [0.5]),)), ())
 
 

@@ -33,7 +33,7 @@ def test_noise_is_no_soft_tissue(mover, truth):
     found = identified(mover, truth, SEED, "auto")
     assert found.soft_tissue is None
     assert not found.tissue_evidence.shown
-    assert "not shown" in found.tissue_evidence.sentence
+    assert "not identifiable" in found.tissue_evidence.sentence
 
 
 def test_soft_tissue_is_seen_through_noise(mover):
@@ -45,7 +45,7 @@ def test_soft_tissue_is_seen_through_noise(mover):
 def test_what_was_asked_for_and_is_not_shown_is_named(mover):
     found = identified(mover, Truth(name="noise", noise=0.1), SEED, "always")
     assert found.soft_tissue is not None
-    assert any("not shown" in note for note in found.notes)
+    assert any("not identifiable" in note for note in found.notes)
 
 
 def test_little_data_show_nothing():
@@ -53,4 +53,4 @@ def test_little_data_show_nothing():
     assert not TissueEvidence(size=5.0, sd=1.0, blocks=3).shown
     assert TissueEvidence(size=5.0, sd=1.0, blocks=12).shown
     assert not TissueEvidence(size=-5.0, sd=1.0, blocks=12).shown
-    assert "too little" in TissueEvidence(size=np.nan, sd=np.inf, blocks=0).sentence
+    assert "too short" in TissueEvidence(size=np.nan, sd=np.inf, blocks=0).sentence

@@ -300,7 +300,7 @@ def test_what_cannot_be_used_is_named(pair):
         emg_targets(Emg(emg.time + 100.0, emg.names, emg.values), PAIR, model, motion.time)
     with pytest.raises(BadData, match="no EMG channel belongs to a muscle"):
         emg_targets(emg, {"flexor": []}, model, motion.time)
-    with pytest.raises(BadData, match="none was given"):
+    with pytest.raises(BadData, match="give one or more"):
         calibrate_emg(model, [], PAIR)
     one = EmgCalibration(
         channels=("extensor",), delays=np.zeros(1), gains=np.ones(1), offsets=np.zeros(1)

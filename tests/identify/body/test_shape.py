@@ -150,7 +150,7 @@ def test_without_a_mass_the_average_for_the_chest_is_taken(height, chest, sex, a
 @needs_anny
 def test_what_is_out_of_reach_is_said():
     shape = body_shape(1.80, 1.60, 60.0)
-    assert any("out of reach" in note for note in shape.notes)
+    assert any("not possible" in note for note in shape.notes)
 
 
 @needs_anny

@@ -94,7 +94,7 @@ def judged(prepared: Prepared, causes: Sequence[CauseGroup]) -> Judgement:
         use, reason = limited or ("everything", _counted(prepared))
         found = Judgement(use, f"{reason}{_exception(prepared)}")
     simulated = any(note.kind == "simulated" for note in prepared.results.head.notes)
-    nobody = " Simulated: no measurement." if simulated else ""
+    nobody = " Simulated: nobody was measured." if simulated else ""
     return replace(found, reason=f"{found.reason}{nobody}")
 
 
