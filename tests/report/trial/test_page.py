@@ -53,7 +53,7 @@ def test_all_parts_have_their_section(page: html.HtmlElement) -> None:
 
 def test_the_first_lines_say_what_is_made_up(page: html.HtmlElement) -> None:
     verdict = page.xpath("string(//p[contains(@class, 'judgement')])")
-    assert "Simulated: no measurement." in verdict
+    assert "Simulated: nobody was measured." in verdict
     made = page.xpath("//section[@id='made']//li/text()")
     assert any("everything here is made up" in text for text in made)
     assert "Myomorph 1.2.3 · computed 2026-01-02" in page.xpath("string(//header/p)")
