@@ -24,7 +24,7 @@ from myomorph.core.model.findings import Finding, Repair, Span, pairs_text, repa
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
-from myomorph.core.motion.doubled_markers import doubled_findings
+from myomorph.core.motion.doubled_markers import DOUBLED, doubled_findings
 from myomorph.core.motion.drawn_markers import drawn_findings
 from myomorph.core.motion.gap_filling import bridge
 from myomorph.core.motion.ik import (
@@ -113,8 +113,10 @@ def checked_kinematics(
     _check_matched(model, markers, options)
     used, in_time = repaired(markers, time_findings(model, markers, unit), checks.repair)
     fit = inverse_kinematics(model, used, options, progress)
-    fit, swapped = swap_findings(model, used, fit, options, SwapSearch(repair=checks.repair))
-    used, swapped = repaired(used, swapped, checks.repair)
+    # Which of two labels of one marker is wrong, no label shows.
+    sure = checks.repair and not any(item.kind == DOUBLED for item in in_time)
+    fit, swapped = swap_findings(model, used, fit, options, SwapSearch(repair=sure))
+    used, swapped = repaired(used, swapped, sure)
     problem = pose_problem(compile_tree(model), fit.marker_names, fit.marker_weight, options)
     fit, hidden = repaired(fit, hidden_findings(model, used, fit, problem), checks.repair)
     shared = set(model.marker_names)
@@ -193,13 +195,15 @@ def time_findings(model: Model, markers: Markers, unit: float) -> tuple[Finding,
     findings with their repairs
     """
     names = [name for name in markers.names if name in set(model.marker_names)]
-    swapped = tuple(_exchange_findings(markers, names, unit))
+    doubled = tuple(doubled_findings(markers, names, unit))
+    once = [name for name in names if not any(name in item.place.split(", ") for item in doubled)]
+    swapped = tuple(_exchange_findings(markers, once, unit))
     right, _ = repaired(markers, swapped)
     drawn = tuple(drawn_findings(model, right, names, unit))
     right, _ = repaired(right, drawn)
     return (
         *lost_findings(markers, names),
-        *doubled_findings(markers, names, unit),
+        *doubled,
         *swapped,
         *drawn,
         *_jump_findings(right, names, unit),
