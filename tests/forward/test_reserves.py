@@ -94,6 +94,25 @@ def test_a_motion_is_followed_by_its_own_tensions_with_hardly_any_feedback(data,
     assert sizes["with"] < 0.02 * sizes["passive"]
 
 
+def slopes_of_root(model, motion, coordinate):
+    """Differentiate place and turn of the root by one coordinate, by differences."""
+    tree = compile_tree(model)
+    body = model.joints[0].child
+    number = tree.body_number(body)
+    step = 1e-6
+    ends = []
+    for sign in (1.0, -1.0):
+        moved = motion.values.copy()
+        moved[:, coordinate] += sign * step
+        poses = forward_kinematics(tree, moved)
+        turn = poses.rotations[:, number]
+        ends.append((poses.origins[:, number] + turn @ model.body(body).mass_center, turn))
+    here = forward_kinematics(tree, motion.values).rotations[:, number]
+    turning = (ends[0][1] - ends[1][1]) @ np.swapaxes(here, 1, 2) / (2.0 * step)
+    spin = np.stack([turning[:, 2, 1], turning[:, 0, 2], turning[:, 1, 0]], axis=1)
+    return (ends[0][0] - ends[1][0]) / (2.0 * step), spin
+
+
 def test_residuals_do_the_work_of_forces_on_their_body(tmp_path):
     model = floating_tree(3, bodies=4)
     motion = swinging(model, 5, 0.01, seed=1)
@@ -102,33 +121,15 @@ def test_residuals_do_the_work_of_forces_on_their_body(tmp_path):
     write_sto(Table(motion.time, names, forces), tmp_path / "reserves.sto")
     reserves, notes = read_reserves(tmp_path / "reserves.sto", model, motion)
     assert not notes
-    tree = compile_tree(model)
-    body = model.joints[0].child
-    center = model.body(body).mass_center
     by_name = dict(zip(names, forces.T, strict=True))
-    step = 1e-6
-    number = tree.body_number(body)
     for j, coordinate in enumerate(model.coordinate_names):
         if coordinate in model.dependent_coordinates:
             continue
-        ends = []
-        for sign in (1.0, -1.0):
-            moved = motion.values.copy()
-            moved[:, j] += sign * step
-            poses = forward_kinematics(tree, moved)
-            turn = poses.rotations[:, number]
-            ends.append((poses.origins[:, number] + turn @ center, turn))
-        shift = (ends[0][0] - ends[1][0]) / (2.0 * step)
-        turning = (ends[0][1] - ends[1][1]) @ np.swapaxes(
-            forward_kinematics(tree, motion.values).rotations[:, number], 1, 2
-        )
-        spin = np.stack([turning[:, 2, 1], turning[:, 0, 2], turning[:, 1, 0]], axis=1)
-        expected = sum(
-            shift[:, i] * by_name[f"residual_F{axis}"]
-            + spin[:, i] / (2.0 * step) * by_name[f"residual_M{axis}"]
-            for i, axis in enumerate("XYZ")
-        )
-        expected = expected + by_name.get(f"reserve_{coordinate}", 0.0)
+        shift, spin = slopes_of_root(model, motion, j)
+        expected = by_name.get(f"reserve_{coordinate}", 0.0)
+        for i, axis in enumerate("XYZ"):
+            expected = expected + shift[:, i] * by_name[f"residual_F{axis}"]
+            expected = expected + spin[:, i] * by_name[f"residual_M{axis}"]
         np.testing.assert_allclose(reserves[coordinate], expected, atol=1e-7)
     with pytest.raises(BadData, match="--start"):
         read_reserves(tmp_path / "reserves.sto", model, None)

@@ -220,7 +220,7 @@ def cases(folder: Path, recording: Recorded, seed: int) -> Iterator[Row]:
             "outcome": word,
             CHANGE: 100.0 * change_of(clean, bare),
             "corrected wrongly": "; ".join(sorted({item.kind for item in wrong if item.repaired})),
-            "also said": "; ".join(sorted({item.kind for item in wrong})),
+            "also reported": "; ".join(sorted({item.kind for item in wrong})),
             "refused": faulty.refused[:120],
         }
 

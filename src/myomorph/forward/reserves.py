@@ -83,7 +83,7 @@ def read_reserves(
     if on_bodies:
         forces += _of_bodies(path, model, motion, on_bodies, _taken(table, columns))
     _refuse_gaps(path, table, forces)
-    notes = ()
+    notes: tuple[Message, ...] = ()
     if unused:
         text = f"{path.name}: not used, neither actuators nor coordinates: {quoted(unused, 5)}"
         notes = (FORCE_FILES.message(text),)
@@ -91,7 +91,7 @@ def read_reserves(
 
 
 def _taken(table: Table, columns: Sequence[int]) -> Series:
-    """Some columns of a table."""
+    """Take some columns of a table."""
     names = tuple(table.names[column] for column in columns)
     return Series(table.time, names, table.values[:, columns])
 

@@ -197,18 +197,7 @@ def _paths(paths, surfaces, tendons, functions, room, motion, results, frame):
     coordinates = motion.coordinates[frame]
     for muscle in range(start.shape[0] - 1):
         _put_points(paths, muscle, coordinates, here, chain)
-        first_wrap = start[muscle, columns.WRAPS]
-        if start[muscle + 1, columns.WRAPS] > first_wrap:
-            forget_seen(chain, start[muscle + 1, columns.WRAPS] - first_wrap)
-            by_mujoco = paths.wrap[first_wrap, columns.AFTER] >= 0
-            # Numba leaves out a branch whose condition is None by type, if nothing else stands in
-            # the condition.
-            if tendons is not None:  # noqa: SIM102
-                if by_mujoco:
-                    wrap_tendons(paths, muscle, here, chain)
-            if surfaces is not None:  # noqa: SIM102
-                if not by_mujoco:
-                    wrap_surfaces(paths, muscle, here, chain, room.passes)
+        _wrap(paths, muscle, surfaces, tendons, room)
         values.lengths[frame, muscle] = chain_length(chain)
         if results.nodes.shape[1] > 0:
             put_nodes(chain, results.nodes[frame, muscle])
@@ -222,16 +211,51 @@ def _paths(paths, surfaces, tendons, functions, room, motion, results, frame):
             _put_pulls(paths, muscle, pull, results.pulls[frame])
         else:
             gather_arms(paths, muscle, here.bodies, pull, row)
-        if functions is not None:  # noqa: SIM102
-            if functions.number[muscle] >= 0:
-                length = put_path_function(functions, muscle, motion, frame, row)
-                values.lengths[frame, muscle] = length
+        _put_function(functions, muscle, motion, values, frame, row)
         hand_on(paths, muscle, here.slopes, row)
-        velocity = _velocity(paths, muscle, row, motion.speeds[frame])
-        if functions is not None:  # noqa: SIM102
-            if functions.number[muscle] >= 0:
-                velocity = path_function_velocity(functions, muscle, motion, frame, velocity)
-        values.velocities[frame, muscle] = velocity
+        values.velocities[frame, muscle] = _velocity(paths, muscle, row, motion.speeds[frame])
+        _put_function_velocity(functions, muscle, motion, values, frame)
+
+
+@in_place
+def _wrap(paths, muscle, surfaces, tendons, room):
+    """Lay the chain of a muscle around its surfaces.
+
+    Numba leaves out a branch whose condition is None by type, if nothing else stands in the
+    condition.
+    """
+    start = paths.start
+    here = room.frame
+    chain = room.chain
+    first_wrap = start[muscle, columns.WRAPS]
+    if start[muscle + 1, columns.WRAPS] > first_wrap:
+        forget_seen(chain, start[muscle + 1, columns.WRAPS] - first_wrap)
+        by_mujoco = paths.wrap[first_wrap, columns.AFTER] >= 0
+        if tendons is not None:  # noqa: SIM102
+            if by_mujoco:
+                wrap_tendons(paths, muscle, here, chain)
+        if surfaces is not None:  # noqa: SIM102
+            if not by_mujoco:
+                wrap_surfaces(paths, muscle, here, chain, room.passes)
+
+
+@in_place
+def _put_function(functions, muscle, motion, values, frame, row):
+    """Put length and arms of a muscle whose path is a function."""
+    if functions is not None:  # noqa: SIM102
+        if functions.number[muscle] >= 0:
+            length = put_path_function(functions, muscle, motion, frame, row)
+            values.lengths[frame, muscle] = length
+
+
+@in_place
+def _put_function_velocity(functions, muscle, motion, values, frame):
+    """Put the velocity of a muscle whose path is a function, with what of it depends on time."""
+    if functions is not None:  # noqa: SIM102
+        if functions.number[muscle] >= 0:
+            known = values.velocities[frame, muscle]
+            velocity = path_function_velocity(functions, muscle, motion, frame, known)
+            values.velocities[frame, muscle] = velocity
 
 
 @in_place
