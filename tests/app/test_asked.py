@@ -70,9 +70,9 @@ def test_two_names_that_became_one_are_one_person():
         ({"trials": [{"id": "../x"}]}, "there is no recording"),
         ({"trials": [{"id": 1, "used": False}]}, "no recording is selected"),
         ({"trials": [{"id": 1, "movement": "wlaking"}]}, "walking"),
-        ({"trials": "x"}, "'trials' is no list"),
-        ({"people": [1]}, "'people' is no list"),
-        ({"labels": []}, "'labels' is no table"),
+        ({"trials": "x"}, "'trials' is not a list"),
+        ({"people": [1]}, "'people' is not a list"),
+        ({"labels": []}, "'labels' is not a table"),
         ({"model": "mine.osim"}, "unknown model 'mine.osim'"),
     ],
 )

@@ -116,7 +116,7 @@ def test_weights_at_rest_never_show_the_height():
     assert found.unknown.shape == (6, 1)
     assert np.isinf(pose_deviations(found)[5])
     assert np.isfinite(pose_deviations(found)[3:5]).all()
-    assert "the height of the plate is not shown" in found.notes[0]
+    assert "the height of the plate is not determined" in found.notes[0]
     assert "stays where the file has it" in found.notes[0]
     assert "arbitrary" in calibrate_plate(_weights()).notes[0]
 

@@ -187,7 +187,7 @@ def test_a_reference_of_no_body_is_named_and_can_be_repaired(reference):
         -c[0] * c[1],
     ]
     flat[4, 4:] *= flat[4, 0]
-    with pytest.raises(BadData, match="reference of link 4 is of no body"):
+    with pytest.raises(BadData, match="reference of link 4 is not physically possible"):
         solve_pseudo_inertia(np.zeros((0, 60)), np.zeros(0), flat)
     repaired = possible_reference(flat, 0.02)
     second = pseudo_inertias(repaired[4])[:3, :3] - repaired[4, 0] * np.outer(c, c)

@@ -159,7 +159,7 @@ def test_a_clock_that_nothing_shows_is_said_so(laboratory):
     assert clock.offset.high <= bound
     assert clock.offset.holds(0.0)
     assert any(
-        note.startswith("still: the clock of its forces is not shown") for note in found.notes
+        note.startswith("still: the clock of its forces is not determined") for note in found.notes
     )
 
 

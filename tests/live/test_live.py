@@ -451,7 +451,7 @@ def test_a_stream_that_is_not_there_is_told(marked: tuple[Model, Markers, Wrench
 def test_a_stream_that_lies_about_its_rate_is_told(marked: tuple[Model, Markers, Wrenches]) -> None:
     cameras, plates = laboratory(*marked[1:])
     plates.nominal_srate = lambda: 2000.0
-    with pytest.raises(BadData, match="'Plates' says 2000 samples a second, but sends 600"):
+    with pytest.raises(BadData, match="'Plates' states 2000 samples a second, but sends 600"):
         LabStreams("Cameras", "Plates", library=network(cameras, plates)).take()
 
 

@@ -117,7 +117,7 @@ def test_swapped_markers_are_named():
     balls = find_balls(cluster(CENTERS))
     swapped = {"hum1": CENTERS[1], "hum2": CENTERS[0], "hum3": CENTERS[2]}
     found = name_cluster(balls, NAMES, DISTANCES, swapped)
-    assert "hum1, hum2 look swapped" in found.notes[0]
+    assert "hum1, hum2 seem exchanged" in found.notes[0]
 
 
 def test_what_cannot_be_told_apart_or_is_lacking_is_refused():

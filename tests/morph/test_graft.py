@@ -216,7 +216,7 @@ def test_points_of_coordinates_that_the_target_lacks_stand_still():
     )
     assert [one.name for one in graft.model.muscles[0].path.points] == ["p1", "p2", "p3"]
     np.testing.assert_allclose(graft.points[2].target, [0.05, -0.07, 0.0], atol=1e-12)
-    assert any("stand still" in note and "'vasti'" in note for note in graft.notes)
+    assert any("are fixed" in note and "'vasti'" in note for note in graft.notes)
     straight = graft_muscles(source, target, bones, graft=Graft(coordinates={}))
     assert [one.name for one in straight.model.muscles[0].path.points] == ["p1", "p3"]
 

@@ -143,7 +143,7 @@ def test_what_is_no_counterpart_is_named(bone):
     target = made_target(bone, 0.5)
     with pytest.raises(BadData, match="millimeters"):
         map_bone("humerus", bone, Surface(1e3 * target.vertices, target.faces), marks(bone))
-    with pytest.raises(BadData, match="one of the other side"):
+    with pytest.raises(BadData, match="of the other side"):
         map_bone("humerus", bone, Surface(target.vertices * [1, 1, -1], target.faces[:, ::-1]))
     with pytest.raises(BadData, match="has no surface of this bone"):
         map_bone("humerus", bone, None)

@@ -224,7 +224,7 @@ def test_one_frame_is_told(subject):
     one = Markers(subject.markers.time[:1], subject.markers.names, subject.markers.values[:1])
     found = calibrate(subject.generic, [one], EXACT)
     assert any("only 1 frames" in note for note in found.notes)
-    assert any("do not show the noise" in note for note in found.notes)
+    assert any("too few frames to determine the noise" in note for note in found.notes)
     assert all(0.8 < one.factor < 1.3 for one in found.lengths)
 
 

@@ -106,7 +106,7 @@ def test_a_table_has_letters_of_its_own_for_sides() -> None:
         ("[protocols.a]\nalso = ['b']", "unknown protocol 'b'"),
         (
             "[protocols.a.labels]\n'#ASI' = 'pelvis.asis'\nRASI = 'pelvis.asis'",
-            "'RASI' is there twice",
+            "'RASI' is given twice",
         ),
         ("[", "is not TOML"),
     ],

@@ -155,7 +155,7 @@ def test_a_sensor_that_slipped_after_the_pose_is_found(walking):
     by_pose = sensor_kinematics(model, replace(slipped, sizes=BY_POSE))
     found = sensor_kinematics(model, slipped)
     assert errors_of(found, motion, model) < 0.5 * errors_of(by_pose, motion, model)
-    assert any("tibia_r_imu" in note and "turned" in note for note in found.mounting.notes)
+    assert any("tibia_r_imu" in note and "rotated" in note for note in found.mounting.notes)
 
 
 def test_markers_show_mounting_heading_and_clock(walking):

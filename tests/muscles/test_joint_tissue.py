@@ -84,7 +84,7 @@ def test_a_torque_that_the_model_has_is_not_added_to(model) -> None:
 def test_no_tissue_without_legs_or_twice(arm) -> None:
     tree = compile_tree(read_osim(arm.model))
     assert not tissue_torques(tree, tree.defaults[None], "none").any()
-    with pytest.raises(BadData, match="has no leg of a person"):
+    with pytest.raises(BadData, match="has no human leg"):
         tissue_torques(tree, tree.defaults[None], "hips")
     with pytest.raises(BadData, match="these are part of it"):
         TensionOptions(joint_tissue="hips", passive=True)

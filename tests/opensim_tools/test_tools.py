@@ -376,6 +376,6 @@ def test_muscles_that_are_too_weak_are_named_and_the_run_is_no_success(tmp_path,
     assert main(["run-tool", str(setup)]) == 2
     printed = capsys.readouterr()
     said = printed.out + printed.err
-    assert "cannot hold 'shoulder_flexion'" in said
+    assert "cannot produce the torque of 'shoulder_flexion'" in said
     assert "N m are missing" in said
     assert (tmp_path / "Results" / "arm_so_activation.sto").exists()

@@ -133,7 +133,7 @@ def test_two_adults_are_told_apart_or_said_not_to_be() -> None:
         first = two_recordings(MadeBody(rng), "a")
         groups = people_of([*first, *two_recordings(MadeBody(rng), "b")])
         members = [set(group.members) for group in groups]
-        told = any("taken as one" in text for group in groups for text in group.unresolved)
+        told = any("assumed to be one" in text for group in groups for text in group.unresolved)
         if members == [{0, 1}, {2, 3}]:
             results.append("right")
         elif members == [{0, 1, 2, 3}] and told:
@@ -266,7 +266,7 @@ def test_two_adults_of_like_build_in_one_folder_are_reported(data) -> None:
     folder = data("c3d-functional-joints")
     session = read_session(folder)
     (person,) = session.people
-    assert "taken as one" in person.unresolved[0]
+    assert "assumed to be one" in person.unresolved[0]
     assert "static_lower_body" in person.unresolved[0]
     text = "\n".join(inspect(folder).lines())
     assert "cannot be distinguished, assumed to be one" in text

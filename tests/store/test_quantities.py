@@ -72,13 +72,13 @@ def test_a_file_holds_quantities_of_the_same_axes_or_of_one_group():
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        ({"name": "Pull"}, "is no name"),
+        ({"name": "Pull"}, "is not a valid name"),
         ({"dims": ("time", "time")}, "an axis twice"),
         ({"unit": ""}, "expected one"),
         ({"kind": "text"}, "but none of texts"),
         ({"kind": "complex"}, "unknown kind 'complex'"),
         ({"meaning": ""}, "meaning in one line"),
-        ({"file": "pull.txt"}, "is no name of a"),
+        ({"file": "pull.txt"}, "is not a valid name of a"),
         ({"dims": ("rope",), "tidy": Tidy(statistics=("mean",))}, "one column a name"),
     ],
 )

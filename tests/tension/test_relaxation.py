@@ -119,7 +119,7 @@ def test_a_moment_that_no_contact_can_make_comes_from_nowhere():
     one = _found(legs([(0.0, 0.0)]), accelerations=[0.0, 0.0, 0.0, 0.0, 30.0, 0.0])[0]
     assert [(part.kind, part.where) for part in one.allowances] == [("residual", "block")]
     assert one.allowances[0].moment == pytest.approx(60.0, rel=1e-3)
-    assert one.sentence.endswith("60 N m at 'block' from nowhere would do")
+    assert one.sentence.endswith("60 N m at 'block' without a support would do")
 
 
 def test_a_tilted_cone_and_a_grip_are_taken_as_they_are():
@@ -248,6 +248,6 @@ def test_each_allowance_is_named_with_its_number_and_unit():
         what_would_do(given)
         == "contact of 'hand' (31 mm above its support) and friction of 0.84 at 'foot' and 20 N"
         " across the cone of 'foot' and 30 N more at 'foot' than its greatest force and a pull"
-        " of 40 N at 'foot' and 7 N at 'pelvis' from nowhere and 7 N m at 'pelvis' from nowhere"
+        " of 40 N at 'foot' and 7 N at 'pelvis' without a support and 7 N m at 'pelvis' without a support"
         " would do"
     )

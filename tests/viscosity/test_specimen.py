@@ -312,11 +312,11 @@ def test_clusters_can_be_told_by_their_sides():
     ("names", "error", "says"),
     [
         (SpecimenNames("scapla", "humerus"), UnknownName, "unknown body 'scapla'"),
-        (SpecimenNames("ulna", "humerus"), BadModel, "'humerus' does not hang on 'ulna'"),
+        (SpecimenNames("ulna", "humerus"), BadModel, "'humerus' is not attached to 'ulna'"),
         (
             SpecimenNames("scapula", "humerus", ("trunk",)),
             BadModel,
-            "bone 'trunk' does not hang on 'humerus'",
+            "bone 'trunk' is not attached to 'humerus'",
         ),
         (
             SpecimenNames(base="scapula", first="humerus", bones=(), muscles={"a": ("chest",)}),

@@ -162,7 +162,7 @@ def test_a_lost_marker_leaves_the_bone_solved():
     assert _apart(_rotations(tracked), truth.rotations).max() < 1e-5
     notes = " ".join(tracked.trials[0].notes)
     assert (
-        "'humerus_2' is unseen in 300 frames between 0.50 and 2.00 s; 'humerus' has 2 left" in notes
+        "'humerus_2' is hidden in 300 frames between 0.50 and 2.00 s; 'humerus' has 2 left" in notes
     )
 
 

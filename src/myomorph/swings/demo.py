@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from myomorph.core.model.arrays import Array
+from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.spatial import Transform
 from myomorph.lab.store.outcome import Outcome
 from myomorph.lab.store.progress import progress
@@ -56,6 +56,7 @@ def run_shoulder_demo(out: Path, said: Callable[[Outcome], None]) -> list[Outcom
     return run_viscosity(read_viscosity_plan(write_shoulder_study(out / RECORDINGS)), out, said)
 
 
+@read_only
 @dataclass(frozen=True, kw_only=True)
 class ShoulderStudyOptions:
     """Options of the virtual specimens' recordings.

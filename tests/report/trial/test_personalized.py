@@ -100,5 +100,5 @@ def test_worse_is_said(found):
         in personal_lines(replace(found, held_out=held(4.0, [11.0, 11.0])))[1]
     )
     assert any(
-        "nothing was held out" in one for one in personal_lines(replace(found, held_out=None))
+        "no recording was held out" in one for one in personal_lines(replace(found, held_out=None))
     )

@@ -72,7 +72,7 @@ def test_what_is_missing_is_said_in_one_line(files, tmp_path):
         mm.prepare_study(files, out, mass=MASS)
     with pytest.raises(BadData, match="--mass"):
         mm.prepare_study(files, out, height=HEIGHT)
-    with pytest.raises(BadData, match=r"stands still.*--static.*--imu-pose-time"):
+    with pytest.raises(BadData, match=r"quiet standing.*--static.*--imu-pose-time"):
         mm.prepare_study(files[:1], out, mass=MASS, height=HEIGHT)
     (tmp_path / "forces.sto").write_text("x\nendheader\ntime\ta\n0\t1\n")
     with pytest.raises(BadFile, match="no recording of markers or inertial sensors"):

@@ -40,6 +40,7 @@ from myomorph.core.model.errors import MyomorphError
 from myomorph.core.model.findings import Span
 from myomorph.core.model.model import GROUND, Model
 from myomorph.core.model.series import Motion, Wrenches
+from myomorph.core.motion.filters import differentiate
 
 LACKS = 0.1
 """Share of the weight from which on known forces leave something."""
@@ -230,17 +231,15 @@ def find_supports(model: Model, motion: Motion, known: Wrenches | None = None) -
     Parameters
     ----------
     model : of one body
-    motion : with velocities and accelerations
+    motion : of the body, differentiated by splines where it has no derivatives
     known : external forces at the motion's times, None for none
 
     Returns
     -------
     none for a body without feet, and where several bodies move
-
-    Raises
-    ------
-    BadData : derivatives are missing
     """
+    if motion.velocities is None or motion.accelerations is None:
+        motion = differentiate(motion)
     whole = np.isfinite(motion.values).all(axis=1)
     feet = foot_poses(model, motion) if whole.sum() > 3 else None
     roots = [joint for joint in model.joints if joint.parent == GROUND]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from myomorph.core.contact.site_motion import Floor, SiteMotion, center_of, floor_under, site_motion
 from myomorph.core.contact.spells import hysteresis, steady
-from myomorph.core.model.arrays import Array, runs
+from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.causes import CONTACTS
 from myomorph.core.model.contacts import Contacts, Site, Touch
 from myomorph.core.model.errors import BadData
@@ -45,6 +45,7 @@ floor.
 """
 
 
+@read_only
 @dataclass(frozen=True)
 class ContactStateOptions:
     """Thresholds of contact. Lengths count from `SiteMotion.height`, speeds from sqrt(g height).
@@ -339,6 +340,7 @@ def _outside(touch: Touch, others: Sequence[Touch]) -> list[Touch]:
     return parts
 
 
+@read_only
 @dataclass(frozen=True)
 class ActivationOptions:
     """Limits at which activations fade. Lengths count from the center of mass' height.

@@ -114,7 +114,7 @@ def new_drop(folder: Path, sizes: Sequence[int]) -> Drop:
             folder, f"cannot be made ({error.strerror or error})", "give another folder (--out)"
         ) from None
     if total + RESERVE > free:
-        raise BadFile(folder, f"has {free / 1e9:.1f} GB of free space", "free space, or drop less")
+        raise BadFile(folder, f"has {free / 1e9:.1f} GB of free space", "make room, or drop less")
     return Drop(folder=folder)
 
 

@@ -314,7 +314,7 @@ def named_subjects(
         elif one.matched and any(other.name == one.name for other in kept):
             twice = next(other.folder for other in kept if other.name == one.name)
             problems.append(
-                f"subject '{one.name}' is there twice: folders {twice} and {one.folder}"
+                f"subject '{one.name}' is given twice: folders {twice} and {one.folder}"
             )
         else:
             kept.append(one)
@@ -330,7 +330,7 @@ def _of(table: SubjectTable, home: Path, problems: list[str]) -> Iterator[Named]
         yield Named(table.name, home, table)
     for name in dict.fromkeys(table.names):
         if table.names.count(name) > 1:
-            problems.append(f"subject: names: '{name}' is there twice")
+            problems.append(f"subject: names: '{name}' is given twice")
         yield Named(name, home, table)
     if table.name is None and not table.names and not as_list(table.folders):
         problems.append("subject: 'names' or 'folders' is empty: expected one or more")

@@ -92,7 +92,8 @@ def cached(wraps: frozenset[str] = frozenset()) -> bool:
     # Kernels of muscles are not imported by what needs none.
     from myomorph.core.muscles.path import path_frames
 
-    wanted = [kind in wraps for kind in (SURFACES, TENDONS)]
+    # The last rules are those of paths by functions, which the smallest model has none of.
+    wanted = [kind in wraps for kind in (SURFACES, TENDONS)] + [False]
     signatures = signatures_on_disk(path_frames)
     return any(
         [rules != "none" for rules in signature[2][1:]] == wanted for signature in signatures
