@@ -248,6 +248,6 @@ def test_each_allowance_is_named_with_its_number_and_unit():
         what_would_do(given)
         == "contact of 'hand' (31 mm above its support) and friction of 0.84 at 'foot' and 20 N"
         " across the cone of 'foot' and 30 N more at 'foot' than its greatest force and a pull"
-        " of 40 N at 'foot' and 7 N at 'pelvis' without a support and 7 N m at 'pelvis' without a support"
-        " would do"
+        " of 40 N at 'foot' and 7 N at 'pelvis' without a support and 7 N m at 'pelvis' without a"
+        " support would do"
     )
