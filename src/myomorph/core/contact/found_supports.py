@@ -238,8 +238,7 @@ def find_supports(model: Model, motion: Motion, known: Wrenches | None = None) -
     -------
     none for a body without feet, and where several bodies move
     """
-    if motion.velocities is None or motion.accelerations is None:
-        motion = differentiate(motion)
+    motion = _differentiated(motion)
     whole = np.isfinite(motion.values).all(axis=1)
     feet = foot_poses(model, motion) if whole.sum() > 3 else None
     roots = [joint for joint in model.joints if joint.parent == GROUND]
@@ -256,6 +255,12 @@ def find_supports(model: Model, motion: Motion, known: Wrenches | None = None) -
     for start, stop in runs(_lacking_frames(scene, lacks) & ~explained):
         found += _rails(scene, lacks, slice(start, stop), stances)
     return Supports(tuple(sorted(found, key=lambda support: support.rests)))
+
+
+def _differentiated(motion: Motion) -> Motion:
+    """Return a motion with derivatives."""
+    known = motion.velocities is not None and motion.accelerations is not None
+    return motion if known else differentiate(motion)
 
 
 def _raised_stances(scene: _Scene) -> Iterator[_Stance]:
