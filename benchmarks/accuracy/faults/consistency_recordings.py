@@ -6,6 +6,7 @@ import contextlib
 import io
 import tempfile
 import tomllib
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -32,7 +33,7 @@ the recording as it is.
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recorded:
+class Recorded(ABC):
     """A recording with a model of its person.
 
     Attributes
@@ -46,9 +47,9 @@ class Recorded:
     looked: Looked
     put_in: bool = True
 
+    @abstractmethod
     def parts(self, folder: Path) -> Case:
         """Read model, markers and forces, as they are recorded, from the data collection."""
-        raise NotImplementedError
 
     def case(self, folder: Path) -> Case:
         """Bring model, markers and forces together, forces longer than markers.
@@ -125,9 +126,11 @@ class Raw(Recorded):
         with tempfile.TemporaryDirectory() as name:
             out = Path(name) / "out"
             words = ["analyze", str(path), "--out", str(out), "--workers", "1"]
+            if self.mass:
+                words += ["--mass", f"{self.mass:g}"]
             said = io.StringIO()
             with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
-                status = main([*words, *(["--mass", f"{self.mass:g}"] if self.mass else [])])
+                status = main(words)
             if status:
                 raise RuntimeError(f"{self.file}: {said.getvalue().splitlines()[-1]}")
             model = mm.read_model(out / "calibrated.osim")

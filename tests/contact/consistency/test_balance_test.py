@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from benchmarks.accuracy.faults.consistency import outcome
-from benchmarks.accuracy.faults.consistency_faults import Case, turn
+from benchmarks.accuracy.faults.consistency_faults import Case, heavier, turn
 from benchmarks.accuracy.faults.consistency_recordings import RECORDED
 
 import myomorph as mm
@@ -17,6 +17,7 @@ from myomorph.core.contact.consistency.channels import channels
 from myomorph.core.contact.consistency.corrections import Plates, hypotheses, no_correction
 from myomorph.core.contact.consistency.plate_signals import plate_signals
 from myomorph.core.contact.consistency.scene import tilt
+from myomorph.core.contact.force_checks import checked_forces
 
 WALK = RECORDED[0]
 
@@ -64,16 +65,7 @@ FAULTS = {
     "unit of force": lambda walk: walk.with_wrenches(
         forces=walk.wrenches.forces / 4.4482216, torques=walk.wrenches.torques / 4.4482216
     ),
-    "mass or gain of all plates": lambda walk: replace(
-        walk,
-        model=replace(
-            walk.model,
-            bodies=tuple(
-                replace(body, mass=1.2 * body.mass, inertia=1.2 * body.inertia)
-                for body in walk.model.bodies
-            ),
-        ),
-    ),
+    "mass or gain of all plates": lambda walk: replace(walk, model=heavier(walk.model, 1.2)),
 }
 
 
@@ -94,6 +86,50 @@ def test_the_size_is_that_of_the_fault(walk, motion, kind, size, sd):
     (said,) = findings(FAULTS[kind](walk), motion)
     told = [float(word) for word in str(said).replace(":", " ").split() if _is_number(word)]
     assert min(abs(abs(value) - size) for value in told) < 2.0 * sd
+
+
+def gained(walk: Case, size: float) -> Case:
+    return one_plate(walk, "forces", lambda force: 0.01 * size * force)
+
+
+def late(walk: Case, size: float) -> Case:
+    return walk.with_wrenches(time=walk.wrenches.time + 1e-3 * size)
+
+
+def weighing(walk: Case, size: float) -> Case:
+    """Let the model weigh so much."""
+    return replace(walk, model=heavier(walk.model, size / walk.model.mass))
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "size"),
+    [
+        ("gain", gained, 75.0),
+        ("gain", gained, 130.0),
+        ("clock", late, 40.0),
+        ("clock", late, -60.0),
+        ("mass", weighing, 60.0),
+        ("mass", weighing, 110.0),
+    ],
+)
+def test_the_interval_holds_the_size(walk, motion, kind, change, size):
+    """Sizes far from nothing too, where an interval of their inverse would be another one."""
+    (said,) = findings(change(walk, size), motion)
+    assert said.kind.startswith(kind)
+    text = str(said).split("': ")[1].removeprefix("a body of ")
+    value, half = text.split(" (±")
+    wanted = walk.model.mass if kind == "mass" else abs(size)
+    assert abs(float(value.split()[0]) - wanted) < float(half.split()[0])
+
+
+@pytest.mark.parametrize("late_by", [0.03, 0.05, 0.06, 0.07, 0.08, -0.06, -0.08])
+def test_forces_that_are_late_are_named_with_their_time(walk, motion, late_by):
+    """Whether the balance fits or another check has to say it."""
+    wrenches = replace(walk.wrenches, time=walk.wrenches.time + late_by)
+    found = checked_forces(wrenches, walk.model, motion).findings
+    (said,) = [item for item in found if item.kind == "clock"]
+    assert said.text.size == pytest.approx(1e3 * abs(late_by), abs=8.0)
+    assert ("late" if late_by > 0.0 else "early") in said.text
 
 
 def _is_number(word: str) -> bool:

@@ -32,6 +32,7 @@ from myomorph.core.contact.consistency.plate_disturbances import HUM, SPIKES
 from myomorph.core.contact.consistency.plate_signals import PlateSignals, plate_signals
 from myomorph.core.contact.force_balance import CUTOFF, check_clock, check_directions, check_mass
 from myomorph.core.contact.force_inspection import (
+    GAIN,
     LOAD,
     MIRRORED_PLATE,
     TURNED_PLATE,
@@ -81,7 +82,7 @@ third of a step [m].
 """
 
 
-OVERRULED = (TWO_FEET, NO_FOOT)
+OVERRULED = (GAIN, "mass", "clock", TWO_FEET, NO_FOOT)
 """Kinds of findings that ask a part of the balance, so that the whole of it overrules them."""
 BEYOND = frozenset((LOAD, PACE, TURNED_PLATE))
 """Kinds with which the balance would only say the same in other words, or cannot be drawn up."""
@@ -421,7 +422,7 @@ def _judged(
     measured, _ = repaired(recorded, on_no_foot)
     shared = check_feet not in checks or any(item.kind == TWO_FEET for item in inspection.findings)
     balance = _balance(inspection, motion, measured, signals, one_foot_each=not shared)
-    if not balance.asked:
+    if not balance.fits:
         inspection = _inspected(inspection, parts)
     return _together(inspection.findings, balance)
 
@@ -643,7 +644,7 @@ CHECKS: tuple[Check, ...] = (
 )
 
 PARTS_OF_THE_BALANCE: tuple[Check, ...] = (check_gains, check_mass, check_clock)
-"""Those that ask a part of the balance of forces, and are made where the whole cannot be asked."""
+"""Those that ask a part of the balance of forces, and are made where the whole does not fit."""
 BODY_CHECKS: tuple[Check, ...] = (
     check_units,
     check_paces,

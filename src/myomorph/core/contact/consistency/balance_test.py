@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,11 +161,12 @@ class Verdict:
     Attributes
     ----------
     findings : one of what is wrong or none, and one for each foot beside the plates
-    asked : whether enough frames show it; else other checks have to say what they see
+    fits : whether enough frames leave no more than recordings as they should be, what is found put
+        right; else other checks have to say what they see
     """
 
     findings: tuple[Finding, ...] = ()
-    asked: bool = False
+    fits: bool = False
 
 
 def verdict_of(model: Model, motion: Motion, plates: MeasuredPlates) -> Verdict:
@@ -180,17 +182,32 @@ def verdict_of(model: Model, motion: Motion, plates: MeasuredPlates) -> Verdict:
     signals = plates.signals
     if scene is None or not signals.usable.any():
         return Verdict()
-    found = None
+    answer = None
     if scene.beside > MUCH_BESIDE or len(scene.chosen) < FEWEST:
-        found = _brought_back(scene, plates)
-    asked = found is not None or len(scene.chosen) >= FEWEST
-    if found is None and asked:
-        found = _likeliest(_compared(scene, plates), _late(motion, signals))
+        answer = _brought_back(scene, plates)
+    if answer is None and len(scene.chosen) >= FEWEST:
+        answer = _likeliest(_compared(scene, plates), _late(motion, signals))
+    if answer is None:
+        answer = _Answer()
     broken = any(item.kind in BROKEN for item in signals.findings)
     beside = () if broken or not all(plates.wrenches.bodies) else tuple(_beside(scene))
-    if found is None or (beside and found.kind == NOT_ONE):
-        return Verdict(beside, asked)
-    return Verdict((found,), asked)
+    fits = answer.left <= CLEAN
+    if answer.finding is None or (beside and answer.finding.kind == NOT_ONE):
+        return Verdict(beside, fits)
+    return Verdict((answer.finding,), fits)
+
+
+class _Answer(NamedTuple):
+    """What a comparison says.
+
+    Attributes
+    ----------
+    finding : of what is wrong, None for nothing
+    left : what is left then, over the noise
+    """
+
+    finding: Finding | None = None
+    left: float = np.inf
 
 
 def _late(motion: Motion, signals: PlateSignals) -> bool:
@@ -198,8 +215,8 @@ def _late(motion: Motion, signals: PlateSignals) -> bool:
     return bool(motion.findings) or any(item.kind == LOST_SAMPLES for item in signals.findings)
 
 
-def _likeliest(found: Comparison, late: bool) -> Finding | None:
-    """Name the likeliest fault, None where nothing is decisive.
+def _likeliest(found: Comparison, late: bool) -> _Answer:
+    """Name the likeliest fault, where one is decisive.
 
     Parameters
     ----------
@@ -212,8 +229,8 @@ def _likeliest(found: Comparison, late: bool) -> Finding | None:
         rivals = [item for item in tried if item.gain > best.gain - APART]
         # Something too small to matter explains as much.
         if all(item.matters for item in rivals):
-            return _finding(best, rivals, found.left)
-    return _unexplained(found) if found.left > EXPLAINED else None
+            return _Answer(_finding(best, rivals, found.left), best.left)
+    return _Answer(_unexplained(found) if found.left > EXPLAINED else None, found.left)
 
 
 def _unexplained(found: Comparison) -> Finding:
@@ -283,7 +300,7 @@ def _seen_with(scene: Scene, plates: MeasuredPlates, wrenches: Wrenches) -> Scen
     return replace(scene, channels=seen)
 
 
-def _brought_back(scene: Scene, plates: MeasuredPlates) -> Finding | None:
+def _brought_back(scene: Scene, plates: MeasuredPlates) -> _Answer | None:
     """Find the sign, axis, unit or clock by which plates seem to carry a part of the body only."""
     whole = replace(scene, whole=True)
     if len(whole.chosen) < FEWEST:
@@ -294,7 +311,7 @@ def _brought_back(scene: Scene, plates: MeasuredPlates) -> Finding | None:
             left = _left_with(scene, plates, item.correction)
             if left is not None:
                 rivals = [other for other in found.tried if other.gain > item.gain - APART]
-                return _finding(item._replace(left=left), rivals, found.left)
+                return _Answer(_finding(item._replace(left=left), rivals, found.left), left)
     return None
 
 

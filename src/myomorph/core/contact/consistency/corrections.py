@@ -287,9 +287,9 @@ class _Group:
             sd=np.array([GAIN_SD]),
             least=LEAST["mass"],
             text=lambda values, spread: (
-                f"a body of {mass / (1.0 + values[0]):.1f} kg (±{mass * spread[0]:.1f} kg), where"
-                f" the model weighs {mass:.1f} kg ({100.0 * values[0]:+.0f} %): scale the model to"
-                " the person's mass, or check the calibration of the plates"
+                f"a body of {_over(mass, values[0], spread[0], digits=1, unit='kg')}, where the"
+                f" model weighs {mass:.1f} kg ({100.0 * values[0]:+.0f} %): scale the model to the"
+                " person's mass, or check the calibration of the plates"
             ),
             size=lambda values: 100.0 * float(values[0]),
             lowest=LOWEST_GAIN,
@@ -304,8 +304,8 @@ class _Group:
             sd=np.array([GAIN_SD]),
             least=LEAST["gain"],
             text=lambda values, spread: (
-                f"{100.0 / (1.0 + values[0]):.0f} % (±{100.0 * spread[0]:.0f} %) of what the body"
-                " needs: check the calibration of its plate (gain, range)"
+                f"{_over(100.0, values[0], spread[0], digits=0, unit='%')} of what the body needs:"
+                " check the calibration of its plate (gain, range)"
             ),
             size=lambda values: 100.0 / (1.0 + float(values[0])) - 100.0,
             lowest=LOWEST_GAIN,
@@ -397,7 +397,7 @@ class _Group:
                 f"{_late(values[0], spread[0])} relative to the motion"
                 + (f": {_shift(values[0])}" if whole else " and the other plates")
             ),
-            size=lambda values: 1000.0 * float(values[0]),
+            size=lambda values: 1000.0 * abs(float(values[0])),
         )
 
 
@@ -447,6 +447,21 @@ def _lost(none: Correction, place: str, time: float) -> Hypothesis:
             f" {_shorter(values[0])} are lost there"
         ),
     )
+
+
+def _over(size: float, gain: float, spread: float, *, digits: int, unit: str) -> str:
+    """Write a size over a gain with its interval: the half width follows by its derivative.
+
+    Parameters
+    ----------
+    size : of what is divided, in the unit
+    gain, spread : share by which forces are to be larger, and half width of its interval
+    digits : after the point
+    unit : of the size
+    """
+    share = 1.0 / (1.0 + gain)
+    half = size * spread * share**2
+    return f"{size * share:.{digits}f} {unit} (±{half:.{digits}f} {unit})"
 
 
 def _late(lag: float, spread: float) -> str:
