@@ -19,6 +19,7 @@ from myomorph.core.model.extension import is_own, load
 from myomorph.core.model.registry import new_remarks
 from myomorph.core.rigid.compile_notices import before_compiling
 from myomorph.lab.cli.failures import BAD_INPUT, failure_of
+from myomorph.lab.cli.written_methods import keep_written_methods
 
 if TYPE_CHECKING:
     from cyclopts import App
@@ -47,6 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     exit status: 0 done; 2 bad input, reported in one line; 1 our fault; 130 interrupted with Ctrl-C
     """
     before_compiling(_say_that_kernels_compile)
+    keep_written_methods()
     gc.set_threshold(*GARBAGE_THRESHOLDS)
     # A process that ends looks through all its objects once more, for a sixth of a short command.
     atexit.register(gc.freeze)
