@@ -92,7 +92,8 @@ def _kept(file: Path) -> dict[str, bytes]:
         content = file.read_bytes()
     except OSError:
         return {}
-    digest, marshalled = content[:DIGEST_BYTES], content[DIGEST_BYTES:]
+    digest = content[:DIGEST_BYTES]
+    marshalled = content[DIGEST_BYTES:]
     if hashlib.sha256(marshalled).digest() != digest:
         return {}
     by_text: dict[str, bytes] = marshal.loads(marshalled)
