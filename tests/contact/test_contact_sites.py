@@ -29,7 +29,7 @@ from myomorph.core.io.mjcf.read import model_from_mujoco
 from myomorph.core.io.sto import motion_from_table, read_sto
 from myomorph.core.model.errors import BadData, UnknownName
 from myomorph.core.model.join import join_models
-from myomorph.core.model.model import Model
+from myomorph.core.model.model import Body, Joint, Model
 from myomorph.core.model.series import Motion
 from myomorph.core.model.spatial import Transform
 from myomorph.core.motion.filters import differentiate
@@ -132,6 +132,64 @@ def test_bones_tell_where_a_sole_is(data):
         assert np.linalg.norm(by_bones[one.name] - one.points[0]) < 0.025
     tip = surfaces["r_bofoot.vtp"].vertices[:, 0].max() * model.body("toes_r").meshes[0].scale[0]
     assert by_bones["toe_medial_r"][0] == pytest.approx(tip, abs=1e-6)
+
+
+def one_body_foot(model: Model, place: np.ndarray) -> Model:
+    """Make a model of calcaneus and toes as one body.
+
+    Parameters
+    ----------
+    model : with a foot of two bodies
+    place : of the new body's origin in ground, (3,) [m]
+
+    Returns
+    -------
+    a model of the foot alone, where the other has it
+    """
+    poses = standing_poses(model)
+    parts = [model.body(name) for name in ("calcn_r", "toes_r")]
+    centers = [poses[part.name].apply(part.mass_center) for part in parts]
+    mass = sum(part.mass for part in parts)
+    center = sum(part.mass * at for part, at in zip(parts, centers, strict=True)) / mass
+    inertia = np.zeros((3, 3))
+    for part, at in zip(parts, centers, strict=True):
+        turn = poses[part.name].rotation
+        away = at - center
+        inertia += turn @ part.inertia @ turn.T
+        inertia += part.mass * (away @ away * np.eye(3) - np.outer(away, away))
+    foot = Body(name="foot_r", mass=mass, mass_center=center - place, inertia=inertia)
+    ankle = Joint(
+        name="ankle_r",
+        kind="WeldJoint",
+        parent="ground",
+        child="foot_r",
+        parent_frame=Transform(np.eye(3), place),
+        child_frame=Transform.identity(),
+    )
+    return Model(
+        name="foot", bodies=(foot,), joints=(ankle,), coordinates=(), gravity=model.gravity
+    )
+
+
+@pytest.mark.parametrize("origin", ["calcn_r", "talus_r"])
+@pytest.mark.parametrize("name", OSIM)
+def test_a_foot_of_one_body_has_its_sole_wherever_its_origin_is(data, name, origin):
+    model = read_model(data(name))
+    poses = standing_poses(model)
+    whole = one_body_foot(model, poses[origin].translation)
+    expected = {one.name: poses[one.body].apply(one.points[0]) for one in foot_sites(model)}
+    for one in foot_sites(whole):
+        at = standing_poses(whole)[one.body].apply(one.points[0])
+        assert np.linalg.norm(at - expected[one.name]) < 0.035
+
+
+def test_a_foot_of_a_made_up_inertia_has_its_origin_at_the_heel(data):
+    model = read_model(data(OSIM[0]))
+    whole = one_body_foot(model, standing_poses(model)["calcn_r"].translation)
+    point_like = replace(whole, bodies=(replace(whole.bodies[0], inertia=1e-6 * np.eye(3)),))
+    (foot,) = feet_of(point_like)
+    assert_allclose(foot.origin, standing_poses(model)["calcn_r"].translation, atol=1e-9)
+    assert foot.length == pytest.approx(feet_of(model)[0].length, rel=0.2)
 
 
 def test_no_foot_is_guessed(data):

@@ -36,6 +36,22 @@ HEEL = (r"calc|heel", r"(?<!fore)(?<!mid)foot")
 """Names of a heel's body, the surest first."""
 BONE_DEPTH = 0.06
 """Depth of the bones of a foot below its origin, over the same distance."""
+FOOT_SPREAD = 0.254
+"""Root mean square distance of a foot's mass along it from its center, over the foot's length.
+
+From radii of gyration of women and men (de Leva 1996, table 4), their mean.
+"""
+FOOT_CENTER = (0.42, 0.12)
+"""Mass center of a foot ahead of the heel, and above the heel's origin, over the foot's length.
+
+Ahead: the mean of women and men (de Leva 1996, table 4). Above: of the models by Rajagopal and
+Delp, calcaneus and toes together, where the origin is 0.04 lengths above the lowest bone.
+"""
+JOINT_OF_TOES = 0.70
+"""Toes' joint ahead of the heel, over the foot's length."""
+FOOT_LENGTHS = (1.5, 10.0)
+"""Lengths of a foot that are believed, over the distance from its body's origin to its mass
+center: 2.4 where the origin is at the heel, 5 where it is at the ankle."""
 SEGMENT_SITES = ("hand_r", "hand_l", "seat", "back")
 """Names that `body_sites` knows."""
 MAX_SNAP = np.radians(20.0)
@@ -83,9 +99,9 @@ def foot_sites(
     """Make six sites at the corners of every sole: heel, ball and toes, in the foot's group.
 
     Names are `heel_medial_r`, `ball_lateral_l`, ...; groups are `foot_r` and `foot_l`. Where they
-    lie comes from the bones' meshes where they are given, else from the joint of the toes, in the
-    model's default posture. How thick a sole is no model has: `rest_on_floor` fits that to a
-    motion.
+    lie comes from the bones' meshes where they are given, else from the joint of the toes, or from
+    how the mass of a foot of one body is spread, in the model's default posture. How thick a sole
+    is no model has: `rest_on_floor` fits that to a motion.
 
     Parameters
     ----------
@@ -195,25 +211,62 @@ def _foot(
     outwards: float,
 ) -> Foot:
     """Make a foot of a heel and the first of some bodies of toes, which may be none."""
-    toes = (*bodies, heel)[0]
     pose = poses[heel.name]
     up = _snapped(pose.rotation, model.up)
-    ahead = poses[toes.name].translation if toes is not heel else pose.apply(heel.mass_center)
-    along = ahead - pose.translation
-    along = along - (along @ up) * up
-    length = float(np.linalg.norm(along))
+    if bodies:
+        ahead = poses[bodies[0].name].translation - pose.translation
+    else:
+        ahead = pose.rotation @ heel.mass_center
+    ahead = ahead - (ahead @ up) * up
+    length = float(np.linalg.norm(ahead))
     if length <= 0.0:
         raise BadData(
             f"body '{heel.name}' has no toes and no mass center ahead of its origin: name its sites"
             " yourself"
         )
-    forward = _snapped(pose.rotation, along / length)
-    if toes is heel:
-        length *= 1.8
-    axes = np.stack([forward, up, outwards * np.cross(forward, up)], axis=1)
+    forward = _snapped(pose.rotation, ahead / length)
+    origin = pose.translation
+    if not bodies:
+        origin, length = _heel_of_one_body(heel, pose, forward, up)
     return Foot(
-        name=name, heel=heel.name, toes=toes.name, axes=axes, origin=pose.translation, length=length
+        name=name,
+        heel=heel.name,
+        toes=(*bodies, heel)[0].name,
+        axes=np.stack([forward, up, outwards * np.cross(forward, up)], axis=1),
+        origin=origin,
+        length=length,
     )
+
+
+def _heel_of_one_body(
+    foot: Body, pose: Transform, forward: Array, up: Array
+) -> tuple[Array, float]:
+    """Find heel and toes' joint of a foot of one body, whose origin may be at heel or ankle.
+
+    How long it is follows from how its mass is spread, which does not depend on the origin. Where
+    that cannot be (a body of a made-up inertia), the origin is taken for the heel.
+
+    Parameters
+    ----------
+    foot : the body
+    pose : of it in ground, default posture
+    forward, up : (3,) in ground
+
+    Returns
+    -------
+    under what the heel stands, (3,) in ground [m], and the distance to the toes' joint [m]
+    """
+    center = pose.apply(foot.mass_center)
+    ahead = float((center - pose.translation) @ forward)
+    spread = 0.5 * np.trace(foot.inertia) * np.eye(3) - foot.inertia
+    along = pose.rotation.T @ forward
+    variance = float(along @ spread @ along) / foot.mass if foot.mass > 0.0 else 0.0
+    whole = np.sqrt(max(variance, 0.0)) / FOOT_SPREAD
+    least, most = FOOT_LENGTHS
+    if not least * ahead <= whole <= most * ahead:
+        return pose.translation, JOINT_OF_TOES * ahead / FOOT_CENTER[0]
+    heel = center - whole * (FOOT_CENTER[0] * forward + FOOT_CENTER[1] * up)
+    return heel, JOINT_OF_TOES * whole
 
 
 def _snapped(rotation: Array, direction: Array) -> Array:
