@@ -42,10 +42,33 @@ def test_commands_parse(page, line):
     new_app().parse_args(words[1:], exit_on_error=False, print_error=False)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)
 def test_links_lead_somewhere(page):
     links = re.findall(r"\]\((?!https?:|mailto:)([^)#\s]+)", page.read_text(encoding="utf-8"))
     missing = [link for link in links if not (page.parent / link).exists()]
+    assert missing == []
+
+
+def anchors(page):
+    """Names by which links find the headings of a page, as the site makes them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
+    # The site puts a section for each command there.
+    found = set(COMMANDS) if page.name == "commands.md" else set()
+    for heading in re.findall(r"^#+ (.+)$", text, re.MULTILINE):
+        named = re.search(r"\{ #([\w-]+) \}$", heading)
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading)
+        words = re.sub(r"[^\w\s-]", "", plain).strip().lower()
+        found.add(named[1] if named else re.sub(r"[-\s]+", "-", words))
+    return found
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "CHANGELOG.md"], ids=lambda page: page.name)
+def test_links_lead_to_headings(page):
+    links = re.findall(r"\]\((?!https?:|mailto:)([^)#\s]*)#([^)\s]+)\)", page.read_text("utf-8"))
+    pages = [(page.parent / path if path else page, anchor) for path, anchor in links]
+    missing = [
+        f"{target.name}#{anchor}" for target, anchor in pages if anchor not in anchors(target)
+    ]
     assert missing == []
 
 
