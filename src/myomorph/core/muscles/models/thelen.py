@@ -424,7 +424,7 @@ class _Sharing(FiberLengthSearch):
         shares = (np.abs(fibers + tendon) * sizes.force > EPS**0.875) & (stretch > 1.0)
         of_tendon = np.where(shares, fibers / (fibers + tendon), 1.0) * self.speed
         v = (self.speed - of_tendon) * cosine / sizes.speed
-        return _velocity_factor_at(self.muscle, self.a, curves.active(fiber / sizes.fiber), v)
+        return _velocity_factor_at(self.muscle, self.a, v)
 
 
 def _speeds(muscle: Muscle) -> tuple[float, ...]:
@@ -466,26 +466,22 @@ def _fiber_velocity(muscle: Muscle, a: Array, active: Array, force: Array) -> Ar
     )
 
 
-def _velocity_factor_at(muscle: Muscle, a: Array, active: Array, v: Array) -> Array:
-    """Find f_V at which a fiber has a normalized velocity, by bisection; not below 0.
+def _velocity_factor_at(muscle: Muscle, a: Array, v: Array) -> Array:
+    """Find f_V at which a fiber has a normalized velocity, not below 0.
+
+    Activation stretches the axis of velocities, as in `_fiber_velocity`, of which this is the
+    inverse.
 
     Parameters
     ----------
-    a, active : (frames,) activation and f_L
+    a : (frames,) activation
     v : (frames,) normalized fiber velocity
 
     Returns
     -------
     (frames,)
     """
-    low = np.full_like(v, -100.0)
-    high = np.full_like(v, 100.0)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        above = _fiber_velocity(muscle, a, active, middle * a * active) > v
-        low = np.where(above, low, middle)
-        high = np.where(above, middle, high)
-    return np.maximum(0.5 * (low + high), 0.0)
+    return np.maximum(_velocity(*_speeds(muscle))(v / (0.25 + 0.75 * a)), 0.0)
 
 
 @lru_cache(maxsize=256)
