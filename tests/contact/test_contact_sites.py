@@ -214,6 +214,18 @@ def test_sites_of_hands_and_seat(data):
         body_sites(model, ("nose",))
 
 
+def test_hips_in_one_point_have_no_seat(data):
+    """So are those of the mouse's hindlimb and its mirror image."""
+    model = read_model(data(OSIM[0]))
+    middle = Transform(np.eye(3), np.zeros(3))
+    joints = tuple(
+        replace(one, parent_frame=middle) if one.child.startswith("femur") else one
+        for one in model.joints
+    )
+    with pytest.raises(BadData, match="no two hips"):
+        body_sites(replace(model, joints=joints), ("seat",))
+
+
 def test_a_cluster_is_where_most_values_lie():
     values = np.concatenate(
         [np.linspace(0.3, 1.0, 70), np.full(40, 0.2) + 0.001 * np.arange(40) / 40]

@@ -442,15 +442,16 @@ def _seat(model: Model) -> Site:
         and segments.get(joint.parent)
         and segments[joint.parent].name != "thigh"
     }
-    if set(hips) != {"right", "left"}:
+    body, right = hips.get("right", ("", np.zeros(3)))
+    _, left = hips.get("left", ("", np.zeros(3)))
+    out = right - left
+    width = float(np.linalg.norm(out))
+    # Models of animals may have both hips in one point.
+    if set(hips) != {"right", "left"} or width <= 0.0:
         raise BadData(
             f"model '{model.name}' has no two hips to find its seat from: name a body and points"
             " yourself"
         )
-    body, right = hips["right"]
-    left = hips["left"][1]
-    out = right - left
-    width = float(np.linalg.norm(out))
     out = out / width
     forward = np.cross(up, out)
     middle = 0.5 * (right + left) - 0.45 * width * up - 0.1 * width * forward
