@@ -58,7 +58,8 @@ class Loads:
         """Greatest force of a joint, with its limits and range there."""
         column = f"{label}_force"
         found, low, high = [table[column] / self.weight for table in self.tables]
-        frame = int(np.argmax(np.where(self.standing, found, -1.0)))
+        # Frames that nothing known carries have no loads.
+        frame = int(np.nanargmax(np.where(self.standing, found, -1.0)))
         row: Row = {
             "greatest force [BW]": float(found[frame]),
             "90 % from [BW]": float(low[frame]),

@@ -199,6 +199,28 @@ def test_by_command_tables_of_limits_stand_beside_the_table(arm, command):
     assert float(rows["generalized_force", "elbow_flexion"]["masses_total"]) > 0.0
 
 
+def test_frames_without_joint_loads_have_no_limits_either(tmp_path, data, command):
+    """Somebody rises from a seat, and plates carry more than the motion needs for a moment."""
+    folder = data("opencap-subject4-multitask")
+    files = {
+        "--model": folder / "models/manually_scaled.osim",
+        "--motion": folder / "ik_manual_scaling/STS1_ik.mot",
+        "--loads": folder / "grf/STS1_external_forces.xml",
+        "--out": tmp_path / "out",
+    }
+    words = [word for pair in files.items() for word in pair]
+    options = ("--reactions", "child", "--time", 0.5, 1.3, "--draws", 2)
+    done = command("tension", *words, *options)
+    assert done.status == 0, done.err
+    known = [
+        np.isfinite(read_sto(tmp_path / f"out/joint_reactions{end}.sto")["knee_r_force"])
+        for end in ("", "_low", "_high")
+    ]
+    assert 0 < known[0].sum() < len(known[0])
+    np.testing.assert_array_equal(known[1], known[0])
+    np.testing.assert_array_equal(known[2], known[0])
+
+
 def test_angles_have_limits_in_degrees(arm, command):
     out = arm.folder / "angles.mot"
     assert (

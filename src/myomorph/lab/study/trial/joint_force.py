@@ -24,6 +24,42 @@ FEW_LEFT_OUT = 0.1
 """Share of the frames without joint loads up to which what is left is good to use."""
 
 
+def held_from_nowhere(
+    tension: Tension, model: Model, estimated: NDArray[np.bool_] | None = None
+) -> NDArray[np.bool_]:
+    """Find frames in which estimated forces of contacts do not carry the body.
+
+    Parameters
+    ----------
+    tension : result
+    model : of the body
+    estimated : (frames,) in which forces of contacts are estimated, None for all: what plates
+        measured stays
+
+    Returns
+    -------
+    (frames,)
+    """
+    lost = unexplained_frames(tension, model.weight)
+    return lost if estimated is None else lost & estimated
+
+
+def without_frames(tension: Tension, lost: NDArray[np.bool_]) -> Tension:
+    """Leave muscle forces of some frames out.
+
+    Parameters
+    ----------
+    tension : result
+    lost : (frames,) in which muscle forces become NaN
+
+    Returns
+    -------
+    the tensions
+    """
+    force = np.where(lost[:, None], np.nan, tension.muscle_force)
+    return replace(tension, muscle_force=force)
+
+
 def carried_tension(
     tension: Tension, model: Model, estimated: NDArray[np.bool_] | None = None
 ) -> tuple[Tension, tuple[Message, ...]]:
@@ -33,16 +69,13 @@ def carried_tension(
     ----------
     tension : result; muscle forces (frames, muscles) become NaN in those frames [N]
     model : of the body
-    estimated : (frames,) in which forces of contacts are estimated, None for all: what plates
-        measured stays
+    estimated : (frames,) see `held_from_nowhere`
 
     Returns
     -------
     the tensions, and a note where something is left out
     """
-    lost = unexplained_frames(tension, model.weight)
-    if estimated is not None:
-        lost &= estimated
+    lost = held_from_nowhere(tension, model, estimated)
     if not lost.any():
         return tension, ()
     share = float(lost.mean())
@@ -54,8 +87,7 @@ def carried_tension(
         # Frames without numbers change none, as long as most have them.
         gravity="good to know" if share < FEW_LEFT_OUT else None,
     )
-    force = np.where(lost[:, None], np.nan, tension.muscle_force)
-    return replace(tension, muscle_force=force), (note,)
+    return without_frames(tension, lost), (note,)
 
 
 def write_reactions(reactions: JointReactions, model: Model, output: StepOutput) -> None:

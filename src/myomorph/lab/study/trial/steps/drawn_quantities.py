@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from myomorph.body.tension.task import TensionTask
 from myomorph.core.io.loads import loads_table
@@ -39,6 +40,7 @@ from myomorph.lab.analysis.strides import Strides
 from myomorph.lab.store.quantity_files import motions_of, quantity_table
 from myomorph.lab.store.settings import TensionTables
 from myomorph.lab.study.step.step import step_giving
+from myomorph.lab.study.trial.joint_force import held_from_nowhere, without_frames
 from myomorph.lab.study.trial.steps.id import Torques, shown_torques
 from myomorph.lab.study.trial.trial_inputs import IN_STRIDE, TrialInputs, statistics_of
 from myomorph.lab.study.trial.trial_strides import TrialStrides, by_side
@@ -123,16 +125,45 @@ def drawn_table(
     )
 
 
+def unloaded_frames(task: TensionTask, tension: Tension) -> NDArray[np.bool_]:
+    """Find frames of a result that have no loads of joints.
+
+    Parameters
+    ----------
+    task : the problem
+    tension : its result
+
+    Returns
+    -------
+    (frames,)
+    """
+    if task.setting is None:
+        return np.zeros(len(tension.time), bool)
+    estimated = task.setting.supports.during(tension.time)
+    return held_from_nowhere(tension, task.model, estimated)
+
+
 def muscle_quantities(
-    trial: TrialInputs, task: TensionTask, strength: Strength | None
+    trial: TrialInputs, task: TensionTask, without_errors: WithoutErrors | None
 ) -> list[DrawnTable]:
     """Return tables of tensions and of what follows from them.
 
-    Raises `TooWeak` where reserves of a draw give more than they may.
+    Parameters
+    ----------
+    trial : with its options
+    task : problem of the tensions, with the errors of a draw
+    without_errors : the result that a draw belongs to, None where this is it
+
+    Raises
+    ------
+    TooWeak : reserves of a draw give more than they may
     """
     tension, _ = task.solved(lambda count: None)
-    if strength is not None:
-        strength.check(tension)
+    if without_errors is None:
+        unloaded = unloaded_frames(task, tension)
+    else:
+        without_errors.strength.check(tension)
+        unloaded = np.isin(tension.time, without_errors.unloaded)
     by_muscle = (ACTIVATION, MUSCLE_FORCE)
     made = [
         drawn_table(quantity, tension.time, tension.muscles, quantity.of(tension), trial.model)
@@ -140,13 +171,14 @@ def muscle_quantities(
     ]
     tables = []
     if task.setting is not None:
-        loads, carried = task.loads(tension)
-        made.append(series_table(GENERALIZED_FORCE_WITH_CONTACTS, carried, trial.model))
+        loads, explained = task.loads(tension)
+        made.append(series_table(GENERALIZED_FORCE_WITH_CONTACTS, explained, trial.model))
         tables.append((CONTACT_LOAD, loads_table(loads)))
         tables.append((CONTACT_GROUP_FORCE, task.contact_groups(tension)))
     frame = trial.options[TensionTables].reactions
     points = trial.get(JointPoints)
-    reactions, contacts = task.joint_loads(tension, frame, points)
+    carried = without_frames(tension, unloaded)
+    reactions, contacts = task.joint_loads(carried, frame, points)
     if reactions is not None:
         tables.append((JOINT_REACTION, reactions.table(joint_labels(trial.model))))
     if contacts is not None:
@@ -205,6 +237,27 @@ class Strength:
                     f"the reserve of {name} gives {share:.0f} % of its torque, {100.0 * most:.0f} %"
                     " at most is allowed"
                 )
+
+
+@read_only
+class WithoutErrors:
+    """What draws need of the result without errors.
+
+    Attributes
+    ----------
+    strength : what reserves may give
+    unloaded : (frames,) times of those that have no loads of joints [s]
+    """
+
+    strength: Strength
+    unloaded: Array
+
+    @classmethod
+    def of(cls, task: TensionTask) -> WithoutErrors:
+        """Solve for the tensions of a task."""
+        tension, _ = task.solved(lambda count: None)
+        unloaded = tension.time[unloaded_frames(task, tension)]
+        return cls(strength=Strength.of(tension), unloaded=unloaded)
 
 
 def _peaks(tension: Tension) -> tuple[dict[str, float], dict[str, float]]:

@@ -52,8 +52,8 @@ from myomorph.lab.study.trial.default_filter import ChosenFilter, chosen_filter,
 from myomorph.lab.study.trial.root_support import with_default_contacts
 from myomorph.lab.study.trial.steps.drawn_quantities import (
     DrawnTable,
-    Strength,
     TooWeak,
+    WithoutErrors,
     muscle_quantities,
     series_table,
     torque_quantity,
@@ -124,11 +124,11 @@ class Chain:
     tension_step: int = 1
 
     @cached_property
-    def strength(self) -> Strength:
-        """What reserves may give in a draw."""
+    def without_errors(self) -> WithoutErrors:
+        """What draws need of the tensions without errors."""
         assert self.torques is not None
         task = task_of(self.trial, self.recorded, every(self.tension_step, self.torques))
-        return Strength.of(task.solved(lambda count: None)[0])
+        return WithoutErrors.of(task)
 
     @cached_property
     def cutoff(self) -> float | None:
@@ -336,7 +336,7 @@ class Chain:
             task = task_of(trial, recorded, every(step, torques))
             if draw is not None:
                 task = _with_contacts(task, draw)
-            made += muscle_quantities(trial, task, None if draw is None else self.strength)
+            made += muscle_quantities(trial, task, None if draw is None else self.without_errors)
         return made
 
 
