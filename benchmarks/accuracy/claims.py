@@ -97,7 +97,7 @@ def _of_programs() -> tuple[Claim, ...]:
         Claim(
             text="Joint reactions, same tensions in [N]",
             table="reaction",
-            number=_largest("forces apart, at most [N]", {"against": "OpenSim 4.6"}),
+            number=_largest("difference of forces, maximum [N]", {"against": "OpenSim 4.6"}),
             target="0.1",
             against="OpenSim 4.6",
         ),
@@ -115,14 +115,14 @@ def _of_measured_bodies() -> tuple[Claim, ...]:
             against="the whole recording",
         ),
         Claim(
-            text="Calibrated models with lower marker error on unseen motion",
+            text="Calibrated models with lower marker error on held-out motion",
             table="calibration",
             number=_share("lower", lambda cell: cell == "True"),
             target="all",
             against="an expert's or OpenSim's scaling",
         ),
         Claim(
-            text="Identified masses: ground force on unseen motion, ratio to the generic body",
+            text="Identified masses: ground force on held-out motion, ratio to the generic body",
             table="identification",
             number=_ratios("points, own link"),
             target="below 1",

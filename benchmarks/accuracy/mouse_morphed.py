@@ -109,7 +109,7 @@ def _against(found: Mapping[str, Architecture], pairs: Pairs, truth: mm.Model) -
     ):
         ratio = values[:, 0] / values[:, 1]
         row[f"{what}, rank correlation"] = float(spearmanr(*values.T).statistic)
-        row[f"{what}, ratio: median (least to most)"] = (
+        row[f"{what}, ratio: median (minimum to maximum)"] = (
             f"{np.median(ratio):.2f} ({ratio.min():.2f} to {ratio.max():.2f})"
         )
         limits = np.array([getattr(found[one.sources[0]], key) for one in pairs])
@@ -375,7 +375,7 @@ def _difference(what: str, first: Group, second: Group) -> Row:
     return {
         "groups": what,
         "units": f"{len(first.animals)}, {len(second.animals)}",
-        "least p possible": found.floor,
+        "smallest possible p": found.floor,
         "parameters": len(found.scalars),
         "that differ (Hedges' g)": (
             ", ".join(f"{one.name} ({one.g:.1f})" for one in scalars) or "none"
@@ -419,7 +419,7 @@ def measure_keypoints(folder: Path) -> Iterator[Row]:
             own = [
                 found[finite, one.model.muscle_names.index(name)] / standing[name] for name in both
             ]
-            row[f"{both[0].removesuffix('_r')}, least and greatest [% of standing]"] = (
+            row[f"{both[0].removesuffix('_r')}, minimum and maximum [% of standing]"] = (
                 f"{100 * np.min(own):.0f} to {100 * np.max(own):.0f}"
             )
         yield row
@@ -447,7 +447,7 @@ def measure_toes(folder: Path) -> Iterator[Row]:
                     p.body[7:] for p in model.muscle(name).path.points if "Tibia" not in p.body
                 )
             ),
-            "toe, least and greatest [mm]": f"{1e3 * own.min():.2f} to {1e3 * own.max():.2f}",
+            "toe, minimum and maximum [mm]": f"{1e3 * own.min():.2f} to {1e3 * own.max():.2f}",
             "the anatomist's [mm]": f"{1e3 * _arms(truth, theirs, 'MTP_flexion_r').mean():.2f}",
             "ankle [mm]": 1e3 * float(_arms(model, name, "mouse__RAnkle_flexion").mean()),
             "the anatomist's at the ankle [mm]": (

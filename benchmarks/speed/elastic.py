@@ -93,7 +93,7 @@ def run(degroote: bool = False) -> list[dict[str, object]]:
                 "seconds": median,
                 "ms/frame": 1e3 * median / len(given[0]),
                 "memory [MB]": max(one.peak for one in taken),
-                "most programs": certificate.steps,
+                "maximum programs": certificate.steps,
                 "KKT residual": certificate.residual,
                 "frames optimal": int(found.optimal.sum()),
             }

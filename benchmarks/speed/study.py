@@ -117,7 +117,7 @@ class Memory:
             if taken:
                 told[f"{name}, early [MB]"] = taken[count // 5] / MB
                 told[f"{name}, end [MB]"] = taken[-1] / MB
-                told[f"{name}, most [MB]"] = max(taken) / MB
+                told[f"{name}, maximum [MB]"] = max(taken) / MB
         return told
 
 

@@ -67,7 +67,9 @@ def test_a_model_and_its_tables(files, command):
     assert np.linalg.norm(thigh) == pytest.approx(np.linalg.norm(true), abs=2e-3)
     with (folder / "subject_calibration" / "lengths.csv").open() as stream:
         lengths = {row["length"]: row for row in csv.DictReader(stream)}
-    assert float(lengths["femur_y"]["found_m"]) == pytest.approx(np.linalg.norm(thigh), abs=1e-4)
+    assert float(lengths["femur_y"]["calibrated_m"]) == pytest.approx(
+        np.linalg.norm(thigh), abs=1e-4
+    )
     with (folder / "subject_calibration" / "markers.csv").open() as stream:
         assert len(list(csv.DictReader(stream))) == 30
     made = Provenance.from_json((folder / "subject_calibration" / "provenance.json").read_text())

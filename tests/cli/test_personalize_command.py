@@ -51,7 +51,7 @@ def test_muscles_from_torques_of_loads(plate, command):
     }
     rows = list(csv.DictReader((folder / "personalized_muscles.csv").read_text().splitlines()))
     lengths = [row for row in rows if row["parameter"] == "optimal fiber length"]
-    assert [row["of"] for row in lengths] == list(before.muscle_names)
+    assert [row["muscle or group"] for row in lengths] == list(before.muscle_names)
     for row, muscle in zip(lengths, after.muscles, strict=True):
         assert float(row["person"]) == pytest.approx(muscle.optimal_fiber_length, rel=1e-5)
         assert float(row["low"]) < float(row["person"]) < float(row["high"])

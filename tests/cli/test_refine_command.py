@@ -99,7 +99,7 @@ def test_the_clock_of_a_walk_is_found_where_it_is_asked_for(command, data, tmp_p
         assert told.status == 0, told.err
         tables = out.with_name(f"{out.stem}_refinement")
         (row,) = csv.DictReader((tables / "clocks.csv").read_text().splitlines())
-        assert (row["trial"], row["shown"]) == ("walking1", "yes")
+        assert (row["trial"], row["identifiable"]) == ("walking1", "yes")
         offsets[shift] = float(row["offset_s"])
         assert f"--force-shift {offsets[shift]:.4f}"[:-2] in told.out
         # Lengths stay as given, so that no factor differs from 1.

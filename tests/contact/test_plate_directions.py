@@ -49,7 +49,7 @@ def test_a_turned_plate_is_named(clean, quarters):
     (finding,) = [one for one in found.findings if one.kind == TURNED_PLATE]
     assert finding.place == clean.wrenches.names[number]
     assert ("180" if quarters == 2 else "90") in finding.text
-    assert finding.text.gravity == "changes results"
+    assert finding.text.severity == "changes results"
     # Axes of all plates were exchanged in its place, and torques were wrong in silence.
     assert not any(one.kind in ("mirrored axis", "walking direction") for one in found.findings)
 

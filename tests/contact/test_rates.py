@@ -51,7 +51,7 @@ def test_a_recording_of_another_rate_is_named_with_it(clean, factor):
     moved = replace(clean.wrenches, time=clean.wrenches.time - start * (1.0 - 1.0 / factor))
     (finding,) = rates(replace(clean, wrenches=moved), 1.0 / factor, 1.0 / factor)
     assert finding.text.size == pytest.approx(factor, rel=0.12)
-    assert finding.text.gravity == "changes results"
+    assert finding.text.severity == "changes results"
     assert finding.text.cause.order == 0
 
 

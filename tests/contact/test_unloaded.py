@@ -53,7 +53,7 @@ def test_a_drift_is_named_with_both_ends():
     (message,) = zero_messages(wrenches(step(0.8, 1.5) + drift, step(1.0, 1.7)), UP)
     assert message.place == "plate_1"
     assert "drifts" in message
-    assert message.gravity == "changes results"
+    assert message.severity == "changes results"
 
 
 def test_a_plate_that_is_never_empty_says_nothing():
@@ -87,8 +87,8 @@ def test_an_empty_plate_that_counts_as_loaded_changes_results():
     loads = wrenches(step(0.5, 1.2, peak=2000.0) + 45.0)
     (lighter,) = zero_messages(loads, UP, weight=600.0)
     (heavier,) = zero_messages(loads, UP, weight=1200.0)
-    assert lighter.gravity == "changes results"
-    assert heavier.gravity == "may change results"
+    assert lighter.severity == "changes results"
+    assert heavier.severity == "may change results"
     assert lighter.cause.order < 1
 
 

@@ -36,7 +36,7 @@ def test_angles_far_outside_of_their_ranges_are_degrees(read):
     values, (note,) = read(np.degrees(RADIANS))
     np.testing.assert_allclose(values, RADIANS, atol=1e-4)
     assert "taken as degrees" in note
-    assert note.gravity == "changes results"
+    assert note.severity == "changes results"
 
 
 def test_angles_within_their_ranges_are_radians(read):

@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 import myomorph
-from myomorph.core.model.gravity import (
+from myomorph.core.model.messages import OTHER, SEVERITIES, Cause
+from myomorph.core.model.severity import (
     ANGLE_ERROR,
     FORCE_ERROR,
     MOST_FRAMES,
-    gravity_of,
-    gravity_of_share,
+    severity_of,
+    severity_of_share,
 )
-from myomorph.core.model.messages import GRAVITIES, OTHER, Cause
 from myomorph.lab.store.quantity_table import stated_quantities
 
 HOME = Path(myomorph.__file__).parent
@@ -47,10 +47,10 @@ def test_keys_and_titles_are_those_of_one_cause() -> None:
 
 @pytest.mark.parametrize(("place", "cause"), CAUSES, ids=lambda value: getattr(value, "key", ""))
 def test_a_cause_says_what_it_does_in_words_and_in_names(place: str, cause: Cause) -> None:
-    assert cause.gravity in GRAVITIES
+    assert cause.severity in SEVERITIES
     assert cause.effect.endswith(".")
     assert not cause.title.endswith(".")
-    assert cause.remedy.endswith(".") or cause.gravity == "good to know"
+    assert cause.remedy.endswith(".") or cause.severity == "good to know"
     assert "{size}" in cause.size or not cause.size
     known = {quantity.name for quantity in stated_quantities()}
     assert set(cause.quantities) <= known
@@ -82,11 +82,11 @@ def test_values_carry_messages_and_no_bare_texts(wing: str) -> None:
             assert node.target.id not in CARRIED or "str" not in kind, f"{path}: {kind}"
 
 
-def test_gravity_is_by_the_change_against_the_error_of_the_number() -> None:
+def test_severity_is_by_the_change_against_the_error_of_the_number() -> None:
     weight = 700.0
-    assert gravity_of(13.7, FORCE_ERROR * weight) == "good to know"
-    assert gravity_of(-60.0, FORCE_ERROR * weight) == "may change results"
-    assert gravity_of(300.0, FORCE_ERROR * weight) == "changes results"
-    assert gravity_of(1.0, ANGLE_ERROR) == "good to know"
-    assert gravity_of_share(MOST_FRAMES, "changes results") == "good to know"
-    assert gravity_of_share(0.2, "changes results") == "changes results"
+    assert severity_of(13.7, FORCE_ERROR * weight) == "good to know"
+    assert severity_of(-60.0, FORCE_ERROR * weight) == "may change results"
+    assert severity_of(300.0, FORCE_ERROR * weight) == "changes results"
+    assert severity_of(1.0, ANGLE_ERROR) == "good to know"
+    assert severity_of_share(MOST_FRAMES, "changes results") == "good to know"
+    assert severity_of_share(0.2, "changes results") == "changes results"

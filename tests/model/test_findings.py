@@ -55,13 +55,13 @@ def test_what_is_reported_is_kept_in_files_and_repaired_no_more():
 
 def test_what_was_put_right_is_good_to_know():
     _, reported = repaired(3, FINDINGS)
-    assert [finding.message.gravity for finding in reported] == [
+    assert [finding.message.severity for finding in reported] == [
         "good to know",
-        MARKERS.gravity,
+        MARKERS.severity,
         "good to know",
     ]
     _, left = repaired(3, FINDINGS, apply=False)
-    assert {finding.message.gravity for finding in left} == {MARKERS.gravity}
+    assert {finding.message.severity for finding in left} == {MARKERS.severity}
 
 
 def test_causes_are_kept_in_files_and_older_files_have_none():

@@ -10,8 +10,8 @@ import pytest
 from myomorph.core.model.causes import CONTACTS, FEET_BESIDE, PLATES, READING, UNITS
 from myomorph.core.model.message_groups import grouped_messages, outcome_lines, warnings_of
 from myomorph.core.model.messages import (
-    GRAVITIES,
     OTHER,
+    SEVERITIES,
     Message,
     located,
     messages_of,
@@ -68,9 +68,9 @@ def test_a_message_of_a_file_is_said_with_its_name() -> None:
     assert located("walk.c3d", (FOOT,))[0].place == "calcn_l"
 
 
-def test_the_gravest_come_first_and_the_largest_in_each() -> None:
+def test_the_most_severe_come_first_and_the_largest_in_each() -> None:
     groups = grouped_messages((AXES, OTHER_FOOT, "a text", FOOT, FOOT))
-    order = [GRAVITIES.index(group.gravity) for group in groups]
+    order = [SEVERITIES.index(group.severity) for group in groups]
     assert order == sorted(order)
     assert groups[0].messages == (FOOT, OTHER_FOOT)
     assert [group.cause for group in groups] == [FEET_BESIDE, OTHER, READING]
@@ -85,9 +85,9 @@ def test_a_group_has_places_sizes_and_stretches_that_touch_are_one() -> None:
     assert group.where == "calcn_l; from 1.00 to 1.50 s, from 3.00 to 3.10 s"
 
 
-def test_one_cause_of_two_gravities_is_two_groups() -> None:
-    less = FOOT.changed("a little", gravity="good to know")
-    assert [group.gravity for group in grouped_messages((less, FOOT))] == [
+def test_one_cause_of_two_severities_is_two_groups() -> None:
+    less = FOOT.changed("a little", severity="good to know")
+    assert [group.severity for group in grouped_messages((less, FOOT))] == [
         "changes results",
         "good to know",
     ]
@@ -130,12 +130,12 @@ def test_kinds_and_causes_stay_apart() -> None:
     assert said[0].startswith(FOOT)
 
 
-def test_of_one_gravity_what_explains_others_comes_first() -> None:
-    follows = CONTACTS.message("a force comes from nowhere", gravity="changes results")
-    plate = PLATES.message("a plate is turned", gravity="changes results")
-    person = SESSION.message("another person", gravity="changes results")
-    unit = UNITS.message("are they radians?", gravity="changes results")
-    light = UNITS.message("taken as mm", gravity="may change results")
+def test_of_one_severity_what_explains_others_comes_first() -> None:
+    follows = CONTACTS.message("a force comes from nowhere", severity="changes results")
+    plate = PLATES.message("a plate is turned", severity="changes results")
+    person = SESSION.message("another person", severity="changes results")
+    unit = UNITS.message("are they radians?", severity="changes results")
+    light = UNITS.message("taken as mm", severity="may change results")
     groups = grouped_messages((follows, plate, light, person, unit))
     first = {group.cause.key for group in groups[:2]}
     assert first == {"session", "units"}

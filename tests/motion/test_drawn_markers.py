@@ -49,7 +49,7 @@ def test_a_drawn_path_is_filled_by_the_body(walk, kind):
     (finding,) = [one for one in found.findings if one.kind == "drawn path"]
     assert finding.place == name
     assert finding.repaired
-    assert finding.text.gravity == "good to know"
+    assert finding.text.severity == "good to know"
     assert finding.times[0][0] == pytest.approx(markers.time[stretch.start], abs=0.04)
     assert finding.times[0][1] == pytest.approx(markers.time[stretch.stop - 1], abs=0.04)
     left = np.linalg.norm(found.markers[name] - true, axis=1).max()

@@ -33,7 +33,7 @@ def test_a_model_of_another_person_is_named(walk, factor):
     model, markers = walk
     other = scale(model, {body.name: np.full(3, factor) for body in model.bodies})
     (finding,) = sizes(other, markers)
-    assert finding.text.gravity == "changes results"
+    assert finding.text.severity == "changes results"
     assert finding.text.size == pytest.approx(100.0 * (1.0 / factor - 1.0), abs=4.0)
 
 

@@ -131,9 +131,11 @@ def test_hidden_markers_are_nearer_with_gaps_bridged(folder, side):
     values = one.used.values.copy()
     values[np.ix_(hidden, columns)] = np.nan
     missed = {}
-    for unseen in ("default", "upright"):
+    for assumed in ("default", "upright"):
         fit = inverse_kinematics(
-            one.model, replace(one.used, values=values), replace(TRACKING, unseen=unseen)
+            one.model,
+            replace(one.used, values=values),
+            replace(TRACKING, untracked_coordinates=assumed),
         )
         tree = compile_tree(one.model)
         by_name = {marker.name: marker for marker in one.model.markers}
@@ -143,5 +145,5 @@ def test_hidden_markers_are_nearer_with_gaps_bridged(folder, side):
             np.array([marker.location for marker in markers]),
         )
         apart = np.linalg.norm(places - one.used.values[np.ix_(hidden, columns)], axis=2)
-        missed[unseen] = float(np.sqrt(np.nanmean(apart**2)))
+        missed[assumed] = float(np.sqrt(np.nanmean(apart**2)))
     assert missed["upright"] < 0.7 * missed["default"]

@@ -21,7 +21,7 @@ from myomorph.lab.uncertainty.normals import Normals
 from myomorph.lab.uncertainty.sources import Sources
 from upright_person import RATE, person, seen, walk, without
 
-PLAIN = InverseKinematicsOptions(unseen="default")
+PLAIN = InverseKinematicsOptions(untracked_coordinates="default")
 LUMBAR = ("lumbar_extension", "lumbar_bending", "lumbar_rotation")
 SHANK = ("tibia_r_0", "tibia_r_1", "tibia_r_2")
 
@@ -215,7 +215,7 @@ def test_draws_of_what_was_assumed_have_its_standard_deviation():
         fit.assumed_sd[:, columns].mean(axis=0),
         rtol=0.1,
     )
-    left_out = Draw(number=0, sources=Sources(unseen=0.0), normals=normals)
+    left_out = Draw(number=0, sources=Sources(untracked_coordinates=0.0), normals=normals)
     assert not drawn_unseen(fit.modes, fit.motion.time, left_out).any()
 
 

@@ -72,7 +72,7 @@ def test_they_are_reused_as_long_as_nothing_has_changed(arm, monkeypatch):
     # Of coordinates that no marker shows something else is assumed since (decision 38), so all is
     # computed again, and it is said why; nothing else has changed.
     assert {name: reasons[name] for name in ("ik", "id", "muscles")} == dict.fromkeys(
-        ("ik", "id", "muscles"), ("ik.unseen None -> upright",)
+        ("ik", "id", "muscles"), ("ik.untracked_coordinates None -> upright",)
     )
     # The criterion weighs loads of knees since (decision 29), so tensions are computed again, and
     # it is said why.

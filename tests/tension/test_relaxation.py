@@ -155,8 +155,8 @@ def test_all_frames_make_one_message():
 def test_what_plates_are_off_anyway_is_good_to_know():
     every = _found(legs([(0.0, 0.0)]), 0.0, frames=5)
     heavy = 30.0 * max(float(np.linalg.norm(each.force)) for each in every)
-    assert relaxation_messages(every, 5, heavy)[0].gravity == "good to know"
-    assert relaxation_messages(every[:1], 100, 1.0)[0].gravity == "good to know"
+    assert relaxation_messages(every, 5, heavy)[0].severity == "good to know"
+    assert relaxation_messages(every[:1], 100, 1.0)[0].severity == "good to know"
 
 
 def _frames_alone(activations, groups):

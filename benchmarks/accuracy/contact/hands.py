@@ -75,8 +75,8 @@ def measure_lift_open(folder: Path) -> Iterator[Row]:
             for phase in ("held on the floor", "carried"):
                 some = during[phase][held]
                 row |= {
-                    f"{phase}: least, mean [N]": float(least[some].mean()),
-                    f"{phase}: greatest, mean [N]": float(greatest[some].mean()),
+                    f"{phase}: minimum, mean [N]": float(least[some].mean()),
+                    f"{phase}: maximum, mean [N]": float(greatest[some].mean()),
                     f"{phase}: near the optimum, width [N]": float(near[some].mean()),
                 }
             yield row | {"measured inside": f"{100.0 * inside.mean():.0f} %"}
@@ -147,7 +147,7 @@ def measure_spine_point(folder: Path) -> Iterator[Row]:
                 f"{rms(one):.1f}" for one in left.T
             ),
             "regressed L5/S1 [mm]": _millimetres(regressed),
-            "apart [mm]": 1e3 * float(np.linalg.norm(best - regressed)),
+            "distance [mm]": 1e3 * float(np.linalg.norm(best - regressed)),
             "model's lumbar joint [mm]": _millimetres(joint),
         }
 
@@ -241,8 +241,8 @@ def measure_seat_open(folder: Path) -> Iterator[Row]:
         for k, axis in ((1, "up"), (0, "forward"), (2, "sideways")):
             row |= {
                 f"{axis}: found, mean [N]": float(forces[:, k].mean()),
-                f"{axis}: least": float(low[:, k].mean()),
-                f"{axis}: greatest": float(high[:, k].mean()),
+                f"{axis}: minimum": float(low[:, k].mean()),
+                f"{axis}: maximum": float(high[:, k].mean()),
                 f"{axis}: near the optimum, width": float(near[:, k].mean()),
             }
         inside = ((truth >= low - 1e-6) & (truth <= high + 1e-6)).all(axis=1)

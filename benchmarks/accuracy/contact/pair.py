@@ -370,10 +370,10 @@ def measure_bouts() -> Iterable[Row]:
             "bout": f"{kind} {seed}",
             "seconds": round(float(motion.time[-1]), 2),
             "fighters [kg]": " and ".join(f"{model.mass:.0f}" for model in pair.models.values()),
-            "lapel, mean and most [N]": f"{size[:, 4].mean():.0f}, {size[:, 4].max():.0f}",
+            "lapel, mean and maximum [N]": f"{size[:, 4].mean():.0f}, {size[:, 4].max():.0f}",
             "sleeve [N]": f"{size[:, 5].mean():.0f}, {size[:, 5].max():.0f}",
-            "a foot, least and most [N]": f"{size[:, :4].min():.0f}, {size[:, :4].max():.0f}",
-            "activations, mean and most": f"{effort.mean():.3f}, {effort.max():.2f}",
+            "a foot, minimum and maximum [N]": f"{size[:, :4].min():.0f}, {size[:, :4].max():.0f}",
+            "activations, mean and maximum": f"{effort.mean():.3f}, {effort.max():.2f}",
             "action less reaction, plates under both [N]": round(both.force_error, 2),
             "sum of both grips from the plates, RMS error [N]": round(
                 rms_of_vectors(passed - total), 2

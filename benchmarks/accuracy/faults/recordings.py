@@ -44,10 +44,10 @@ from benchmarks.accuracy.faults.marker_faults import inner_angles
 from benchmarks.accuracy.faults.unseen_faults import typed
 from data_collection import data_folder
 from myomorph.core.model.arrays import Array
-from myomorph.core.model.gravity import ANGLE_ERROR, FORCE_ERROR
 from myomorph.core.model.message_groups import grouped_messages
-from myomorph.core.model.messages import GRAVITIES, OTHER, Message
+from myomorph.core.model.messages import OTHER, SEVERITIES, Message
 from myomorph.core.model.scale import scale
+from myomorph.core.model.severity import ANGLE_ERROR, FORCE_ERROR
 from myomorph.core.motion.stretch import skeleton
 from myomorph.lab.causes import SESSION
 from myomorph.lab.store.settings import Side
@@ -415,9 +415,9 @@ def dynamics_alone(clean: Clean, factor: float) -> Said:
     for line in printed.splitlines():
         word, _, text = line.partition(": ")
         if word == "warning":
-            messages.append(OTHER.message(text, gravity="changes results"))
+            messages.append(OTHER.message(text, severity="changes results"))
         elif word == "note":
-            messages.append(OTHER.message(text, gravity="good to know"))
+            messages.append(OTHER.message(text, severity="good to know"))
     return Said(messages=tuple(messages), torques=mm.read_sto(out).values)
 
 
@@ -476,7 +476,7 @@ def judged(clean: Clean, job: Job, kind: Kind, found: Said) -> Verdict:
     angle = _angle_change(before, found)
     wrong = job.matters or not (torque <= FORCE_ERROR and angle <= ANGLE_ERROR)
     new = [message for message in found.messages if _is_new(message, before.messages)]
-    warnings = [message for message in new if message.gravity != "good to know"]
+    warnings = [message for message in new if message.severity != "good to know"]
     named = [message for message in new if _names(message, kind, job)]
     if found.error:
         outcome = "named first" if kind.is_named(found.error, job) else "other blamed"
@@ -522,9 +522,9 @@ def _is_new(message: Message, before: Sequence[Message]) -> bool:
         if other.cause is OTHER and _words(other) != _words(message):
             continue
         if other.cause.key == message.cause.key and _places(other) == _places(message):
-            graver = GRAVITIES.index(message.gravity) < GRAVITIES.index(other.gravity)
+            more_severe = SEVERITIES.index(message.severity) < SEVERITIES.index(other.severity)
             grown = abs(message.size or 0.0) > TOLERANCE * abs(other.size or 0.0)
-            return graver or grown
+            return more_severe or grown
     return True
 
 
@@ -655,7 +655,7 @@ JUDGED: Mapping[tuple[str, str], Judgement] = {
 """By recording and cause."""
 
 
-COLUMNS = ("cause", "gravity", "message", "right", "why")
+COLUMNS = ("cause", "severity", "message", "right", "why")
 
 
 def measure_clean(folder: Path, seed: int = SEED) -> Iterator[Row]:
@@ -672,7 +672,7 @@ def measure_clean(folder: Path, seed: int = SEED) -> Iterator[Row]:
             yield {
                 "recording": recording,
                 "cause": group.cause.title,
-                "gravity": group.gravity,
+                "severity": group.severity,
                 "message": _shortened(str(group.messages[0]), Path(recording)),
                 "right": "not judged" if judged_by is None else judged_by.is_right,
                 "why": "" if judged_by is None else judged_by.why,

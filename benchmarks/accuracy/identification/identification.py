@@ -321,7 +321,7 @@ def row(folder: Path, split: Split) -> dict[str, object]:
         "identified from": " + ".join(split.train),
         "frames": sum(int(part(trials, name).use.sum()) for name in split.train),
         "held against": split.test,
-        "unseen frames": int(test.use.sum()),
+        "held-out frames": int(test.use.sum()),
         "generic scaled": f"{force:.1f} N, {moment:.1f} N m",
         "least squares, a bound": ratio("ridge"),
         "points, own link, soft tissue never": ratio(MARKERS),

@@ -273,8 +273,8 @@ def _row(
         "soft tissue": tissue,
         "masses": way,
         "runners": SEEDS,
-        "unseen force, of generic": float(force),
-        "unseen moment, of generic": float(moment),
+        "held-out force, of generic": float(force),
+        "held-out moment, of generic": float(moment),
         **{
             f"{name}, RMS error [%]": 100.0
             * float(np.sqrt(np.mean(np.square([row[i] for row in errors]))))

@@ -213,7 +213,7 @@ def measure_maps(folder: Path) -> Iterator[Row]:
                 np.std([of[f"thoracic{i}"] for i in range(1, 13)])
             ),
             **{f"{segment} [%]": _share(of, segments, segment) for segment in SEGMENTS},
-            "most that dropping small shares changes a link [g]": change,
+            "largest change of a link by dropping small shares [g]": change,
         }
 
     for body, points, reference, links in _bodies(model):

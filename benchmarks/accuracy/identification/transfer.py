@@ -116,13 +116,15 @@ def measure_model(data: Path, name: str, path: Path) -> dict[str, object]:
     return {
         "model": name,
         "joint centers": len(found.joint_errors),
-        "joint centers apart [mm]": 1000.0 * max(found.joint_errors.values()),
+        "distance of joint centers [mm]": 1000.0 * max(found.joint_errors.values()),
         "joints moved by [mm]": 1000.0 * max(found.joint_shifts.values()),
-        "lengths apart [mm]": 1000.0 * max(abs(one.higher - one.lower) for one in found.lengths),
-        "mass apart [kg]": abs(found.model.mass - lower.mass),
-        "region mass centers apart [mm]": 1000.0 * max(one.center_error for one in found.masses),
+        "difference of lengths [mm]": 1000.0
+        * max(abs(one.higher - one.lower) for one in found.lengths),
+        "difference of mass [kg]": abs(found.model.mass - lower.mass),
+        "distance of region mass centers [mm]": 1000.0
+        * max(one.center_error for one in found.masses),
         "regions without inertia": sum(bool(one.note) for one in found.masses),
-        "least eigenvalue ratio": _least_ratio(higher, found.model),
+        "smallest eigenvalue ratio": _least_ratio(higher, found.model),
     } | _walk(data, lower, higher, found)
 
 

@@ -76,7 +76,7 @@ def measure_truths(folder: Path) -> Iterator[Row]:
                 "truth": f"{truth}: {part}",
                 "recordings": len(rows),
                 "inside, mean [%]": float(np.mean(inside)),
-                "least [%]": min(inside),
+                "inside, minimum [%]": min(inside),
                 "unit": unit,
                 "width, mean": float(np.mean(widths)),
                 "90 % of the error, mean": float(np.mean(errors)),

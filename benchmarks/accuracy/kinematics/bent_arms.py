@@ -40,7 +40,7 @@ def measure() -> Iterator[Row]:
             "markers": name,
             "arms": len(errors),
             "arms bent back": backward,
-            "least flexion [°]": np.degrees(min(least)),
+            "minimum flexion [°]": np.degrees(min(least)),
             "error, median [°]": np.degrees(np.median(errors)),
             "error, largest [°]": np.degrees(max(errors)),
             "marker error [cm]": 100.0 * float(np.mean(misses)),

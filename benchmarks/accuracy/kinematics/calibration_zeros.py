@@ -98,7 +98,7 @@ def compared_zeros(found: Calibration, expert: mm.Model, motion: mm.Markers) -> 
     worst = int(np.argmax(np.abs(apart)))
     return {
         "angles": len(shared),
-        "apart, RMS [deg]": float(np.sqrt(np.mean(apart**2))),
+        "difference, RMS [deg]": float(np.sqrt(np.mean(apart**2))),
         "worst": f"{shared[worst]} {apart[worst]:+.1f} (±{half_width(sd[worst]):.1f})",
         "ankles [deg]": ", ".join(f"{apart[i]:+.1f} (±{half_width(sd[i]):.1f})" for i in ankle),
         "in the 90 % interval [%]": 100.0 * float(np.mean(inside)),
@@ -318,8 +318,8 @@ def measure_simulated(folder: Path) -> Iterator[dict[str, object]]:
                     "static trial": static,
                     "people": FEW,
                     "angles": len(apart),
-                    "apart, RMS [deg]": float(np.sqrt(np.mean(apart**2))),
-                    "largest [deg]": float(np.abs(apart).max()),
+                    "difference, RMS [deg]": float(np.sqrt(np.mean(apart**2))),
+                    "difference, maximum [deg]": float(np.abs(apart).max()),
                     "stated SD [deg]": float(np.sqrt(np.mean(sd**2))),
                     "in the 90 % interval [%]": 100.0
                     * float(np.mean(np.abs(apart) <= half_width(sd))),

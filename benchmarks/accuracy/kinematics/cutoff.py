@@ -325,7 +325,7 @@ def measure(folder: Path) -> Iterator[Row]:
             row[f"best for the {kind} [Hz]"] = (
                 min(fixed, key=lambda cutoff: fixed[cutoff][part]) or "none"
             )
-            row[f"least {kind} [{unit}]"] = least[part]
+            row[f"smallest {kind} error [{unit}]"] = least[part]
             row |= {
                 f"{kind}, {rule}": held(of(recorded))[part] / least[part]
                 for rule, of in RULES.items()

@@ -96,7 +96,7 @@ def _errors(fit: SensorFit, time: np.ndarray, angles: dict[str, np.ndarray]) -> 
 def _is_named(fit: SensorFit) -> bool:
     """Return whether a message on the sensors changes results."""
     said = (*fit.mounting.notes, *fit.sensors.warnings)
-    return any(note.gravity != "good to know" for note in said)
+    return any(note.severity != "good to know" for note in said)
 
 
 Change = Callable[[SensorRecording], SensorRecording]

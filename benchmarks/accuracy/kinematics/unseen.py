@@ -28,7 +28,7 @@ from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.uncertainty.drawn_inputs import drawn_unseen
 
 UPPER = ("head", "upper_trunk", "upper_arm", "lower_arm", "hand")
-PLAIN = InverseKinematicsOptions(unseen="default")
+PLAIN = InverseKinematicsOptions(untracked_coordinates="default")
 """As before: every hidden joint at its default, so that the trunk is fixed to the pelvis."""
 RATE = 100.0  # Of motions that somebody else found, at most [Hz]
 MAX_FRAMES = 1000

@@ -91,7 +91,7 @@ def measure_false() -> Iterator[Row]:
         yield {
             "animals": f"{n} and {m}",
             "studies": repeats,
-            "least p": p_floor(n, m, most=most),
+            "smallest possible p": p_floor(n, m, most=most),
             f"{CURVES} curves, corrected [%]": share(called["curves"], repeats),
             "curves, each sample alone [%]": share(called["alone"], repeats),
             "curves, t test of each sample [%]": share(called["t"], repeats),
@@ -306,7 +306,7 @@ def measure_within() -> Iterator[Row]:
         yield {
             "subjects": n,
             "studies": repeats,
-            "least p": p_floor(n, most=most),
+            "smallest possible p": p_floor(n, most=most),
             f"{CURVES} curves, falsely [%]": share(counts["curves"], repeats),
             "each sample alone, falsely [%]": share(counts["each"], repeats),
             f"{PARAMETERS} parameters, Holm, falsely [%]": share(counts["parameters"], repeats),

@@ -138,9 +138,9 @@ def _sentences(message: Message) -> int:
     return max(1, len(message.times)) if message.cause.key == CONTACTS.key else 1
 
 
-def _named(groups: list[CauseGroup], gravity: str) -> str:
+def _named(groups: list[CauseGroup], severity: str) -> str:
     return "; ".join(
         f"{group.cause.title} ({len(group.messages)})"
         for group in groups
-        if group.gravity == gravity
+        if group.severity == severity
     )

@@ -138,7 +138,7 @@ def _center_row(
         "socket, estimated SD [mm]": "" if socket is None else 1e3 * socket.deviation,
         "warnings": "; ".join(warnings) or "none",
         "against": against,
-        "apart [mm]": 1e3 * float(np.linalg.norm(head.center - center)),
+        "distance [mm]": 1e3 * float(np.linalg.norm(head.center - center)),
     }
 
 

@@ -159,7 +159,7 @@ def sides(name: str, model: mm.Model) -> Row:
 
     The row has how unlike mirrored muscles become, next to how unlike they were.
     """
-    title = "left and right: lengths apart, {} [m]"
+    title = "left and right: difference of lengths, {} [m]"
     row: Row = {title.format("before"): "", title.format("after"): ""}
     if name not in SYMMETRIC:
         return row
@@ -248,9 +248,9 @@ def measure_branches(folder: Path) -> Iterator[dict[str, object]]:
             * link.measures["held by no line of action"],
             "moved to balance [mm]": 1e3 * link.measures["moved to balance [m]"],
             "strands' lengths changed, rms [mm]": 1e3 * float(np.sqrt(np.mean(lengths**2))),
-            "at most [mm]": 1e3 * float(np.abs(lengths).max()),
+            "strands' lengths changed, maximum [mm]": 1e3 * float(np.abs(lengths).max()),
             "moment arms about the trunk changed, rms [mm]": 1e3 * float(np.sqrt(np.mean(arms**2))),
-            "they at most [mm]": 1e3 * float(np.abs(arms).max()),
+            "moment arms about the trunk changed, maximum [mm]": 1e3 * float(np.abs(arms).max()),
         }
 
 

@@ -243,7 +243,7 @@ def measure_depths(folder: Path) -> Iterator[dict[str, object]]:
             "deeper than the source's by 1 mm": len(
                 {one.muscle for one in deep if one.increase > DEEP}
             ),
-            "most deeper [mm]": 1e3 * worst.increase,
+            "largest increase of depth [mm]": 1e3 * worst.increase,
             "of": f"{worst.muscle} in {worst.body}",
             "warnings": ", ".join(f"{len(person.checks.of(kind))} {kind}" for kind in kinds),
         }
@@ -281,9 +281,9 @@ def round_trip(man: Morph, woman: Morph, between: BoneMap, body: str) -> dict[st
     scaled = procrustes(source, direct, True).apply(source)
     return {
         "points": len(source),
-        "apart, median [mm]": 1e3 * float(np.median(apart)),
-        "95 % [mm]": 1e3 * float(np.percentile(apart, 95)),
-        "largest [mm]": 1e3 * float(apart.max()),
+        "distance, median [mm]": 1e3 * float(np.median(apart)),
+        "distance, 95 % [mm]": 1e3 * float(np.percentile(apart, 95)),
+        "distance, maximum [mm]": 1e3 * float(apart.max()),
         "from a similarity, median [mm]": (
             1e3 * float(np.median(np.linalg.norm(scaled - direct, axis=1)))
         ),
@@ -419,9 +419,9 @@ def changes(found: Clearance, ground: Ground, mapped: Morph) -> Row:
         "beyond their interval": sum(shift > within[name] for name, shift in shifts.items()),
         "wrap objects grown": len(found.grown),
         "lengths changed, rms [mm]": _rms(lengths),
-        "most [mm]": float(lengths.max(initial=0.0)),
+        "lengths changed, maximum [mm]": float(lengths.max(initial=0.0)),
         "moment arms changed, rms [mm]": _rms(arms),
-        "at most [mm]": float(arms.max(initial=0.0)),
+        "moment arms changed, maximum [mm]": float(arms.max(initial=0.0)),
         "of": worst,
     }
 

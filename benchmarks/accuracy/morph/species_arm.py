@@ -195,7 +195,7 @@ def measure_architecture(data: Path) -> Iterator[dict[str, object]]:
     ):
         ratio = np.array([getattr(mine, key) / getattr(other, key) for mine, other in both])
         inside[f"{name}, median"] = float(np.median(ratio))
-        inside[f"{name}, least and greatest"] = f"{ratio.min():.2f} to {ratio.max():.2f}"
+        inside[f"{name}, minimum and maximum"] = f"{ratio.min():.2f} to {ratio.max():.2f}"
         count = np.sum((low <= 1 / ratio) & (1 / ratio <= high))
         inside[f"{name}, in its interval"] = f"{count} of {len(ratio)}"
     yield {"what": "the arm's muscles, ours over the forelimb's", "muscles": len(both), **inside}
@@ -234,7 +234,7 @@ def _spread(name: str, ratio: np.ndarray) -> dict[str, object]:
     return {
         f"{name}, median": float(np.median(ratio)),
         f"{name}, 90 % of the spread": _factors((1.0 / most, most)),
-        f"{name}, least and greatest": f"{ratio.min():.2f} to {ratio.max():.2f}",
+        f"{name}, minimum and maximum": f"{ratio.min():.2f} to {ratio.max():.2f}",
         f"{name}, in its interval": "",
     }
 

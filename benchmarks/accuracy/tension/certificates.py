@@ -190,7 +190,7 @@ def measure_programs(folder: Path) -> Iterator[Row]:
             "programs an instant": 8 * len(names),
             "variables": dense.x.shape[1],
             "equations": dense.b.shape[1],
-            "apart at most [N]": solved_by.apart,
+            "difference, maximum [N]": solved_by.apart,
             "ours [ms]": 1e3 * solved_by.ours / len(frames),
             "HiGHS [ms]": 1e3 * solved_by.highs / len(frames),
             "all intervals [ms]": 1e3 * whole / len(frames),
@@ -307,7 +307,7 @@ def measure_truth() -> Iterator[Row]:
             "grips, width [N]": float(np.median(np.concatenate(width)[:, ~of_feet])),
             "feet near optimum": float(np.concatenate(near)[:, of_feet].mean()),
             "grips near optimum": float(np.concatenate(near)[:, ~of_feet].mean()),
-            "error along least determined": float(np.concatenate(along).mean()),
+            "error along the least determined direction": float(np.concatenate(along).mean()),
             "by chance": 1.0 / (3 * len(groups)),
         }
 

@@ -364,7 +364,7 @@ def _row(name: str, found: Tension) -> dict[str, object]:
         "recording": name,
         "frames": len(found),
         "optimal": int(found.optimal.sum()),
-        "most iterations": certificate.steps,
+        "maximum iterations": certificate.steps,
         "KKT residual": certificate.residual,
         **dict.fromkeys(APART, ""),
     }

@@ -270,7 +270,7 @@ def measure_held_out(folder: Path) -> Iterator[Row]:
                 "others": way,
                 "channels": len(r),
                 "correlation, mean": float(r.mean()),
-                "least ... most": f"{r.min():.2f} ... {r.max():.2f}",
+                "correlation, minimum ... maximum": f"{r.min():.2f} ... {r.max():.2f}",
             }
 
 
@@ -354,12 +354,14 @@ def measure_calibration(folder: Path) -> Iterator[Row]:
             "walk": walk.name,
             "delay [ms]": round(1e3 * float(first.delays[0])),
             "on other frames [ms]": "" if same else round(1e3 * float(second.delays[0])),
-            "gains, least ... most": f"{first.gains.min():.2f} ... {first.gains.max():.2f}",
+            "gains, minimum ... maximum": f"{first.gains.min():.2f} ... {first.gains.max():.2f}",
             "identified by torques": f"{int(known.sum())} of {len(known)}",
-            "gains on other frames apart, median": (
+            "difference of gains from other frames, median": (
                 "" if same else f"{np.median(np.expm1(apart)):.1%}"
             ),
-            "largest": "" if same else f"{np.expm1(apart).max():.1%}",
+            "difference of gains from other frames, maximum": ""
+            if same
+            else f"{np.expm1(apart).max():.1%}",
             "weight": first.weight,
             "channels that others mislead": sum("misleads" in text for text in first.warnings),
         }
@@ -446,7 +448,7 @@ def measure_envelopes(folder: Path) -> Iterator[Row]:
         yield {
             "envelope": label,
             "channels": len(rows),
-            "correlation, least": float(r.min()),
-            "median": float(np.median(r)),
+            "correlation, minimum": float(r.min()),
+            "correlation, median": float(np.median(r)),
             "RMS, largest": float(rms.max()),
         }

@@ -61,11 +61,11 @@ class Loads:
         # Frames that nothing known carries have no loads.
         frame = int(np.nanargmax(np.where(self.standing, found, -1.0)))
         row: Row = {
-            "greatest force [BW]": float(found[frame]),
+            "peak force [BW]": float(found[frame]),
             "90 % from [BW]": float(low[frame]),
             "90 % to [BW]": float(high[frame]),
         }
-        for name, table in zip(("least", "greatest"), self.statics, strict=True):
+        for name, table in zip(("minimum", "maximum"), self.statics, strict=True):
             known = joint in table.names
             value = float(table[joint][frame]) / self.weight if known else ""
             row[f"{name} by statics [BW]"] = value

@@ -99,8 +99,8 @@ def _row(
         "frames": frames,
         "joints": joints,
         "largest force [N]": size,
-        "forces apart, at most [N]": force,
-        "moments apart, at most [N m]": moment,
+        "difference of forces, maximum [N]": force,
+        "difference of moments, maximum [N m]": moment,
     }
 
 
@@ -234,8 +234,8 @@ def _trees() -> Row:
         "frames": 6,
         "joints": 12,
         "largest force [N]": max(one.largest for one in found),
-        "forces apart, at most [N]": max(one.force for one in found),
-        "moments apart, at most [N m]": max(one.moment for one in found),
+        "difference of forces, maximum [N]": max(one.force for one in found),
+        "difference of moments, maximum [N m]": max(one.moment for one in found),
     }
 
 

@@ -109,10 +109,10 @@ def measure_programs(folder: Path) -> Iterator[dict[str, object]]:
             "criterion": name,
             "frames": len(found),
             "optimal": int(found.optimal.sum()),
-            "activations apart at most": float(np.abs(found.activation - theirs).max()),
-            "RMS": rms(found.activation - theirs),
+            "difference of activations, maximum": float(np.abs(found.activation - theirs).max()),
+            "difference of activations, RMS": rms(found.activation - theirs),
             "cost above the program's": _above(made, by, found.activation, theirs),
-            "forces apart, RMS [N]": rms(found.muscle_force - theirs * one.F),
+            "difference of forces, RMS [N]": rms(found.muscle_force - theirs * one.F),
             "greatest activation, mean": float(found.activation.max(axis=1).mean()),
             "the program's": float(theirs.max(axis=1).mean()),
             "knee force, mean [BW]": float(

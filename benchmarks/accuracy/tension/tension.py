@@ -247,7 +247,9 @@ def measure_case(folder: Path, case: TensionCase) -> dict[str, object]:
         "worst muscle's RMS": float(rms.max()),
         "worst muscle": found.muscles[int(rms.argmax())],
         "largest difference": float(np.abs(difference).max()),
-        "reserves apart [N, N m], 95 %": float(np.percentile(apart, 95)) if apart.size else 0.0,
+        "difference of reserves, 95 % [N, N m]": float(np.percentile(apart, 95))
+        if apart.size
+        else 0.0,
         "optimal": float(found.optimal.mean()),
         "ours [ms/frame]": 1e3 * seconds / frames,
         "OpenSim [ms/frame]": 1e3 * reference.seconds / len(reference.time),

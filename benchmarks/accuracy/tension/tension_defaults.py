@@ -137,7 +137,7 @@ def _row(walk: Walk, found: Tension, emg: Mapping[str, Array]) -> dict[str, obje
         "frames": len(found),
         "channels": len(r),
         "correlation with EMG, mean": float(np.mean(r)),
-        "least": float(np.min(r)),
+        "correlation with EMG, minimum": float(np.min(r)),
         "RMS from EMG, mean": float(np.mean(rms)),
         "correlation, biarticular": float(np.mean([fits[channel][0] for channel in both])),
         "activation of these in silence": float(np.mean(silent)),

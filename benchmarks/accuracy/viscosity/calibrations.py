@@ -175,10 +175,10 @@ def measure_clocks() -> Iterator[Row]:
             "drift [ppm]": 1e6 * drift,
             "offset, rms error [ms]": 1e3 * float(rms[0]),
             "estimated SD [ms]": 1e3 * float(usual[0]),
-            "least possible [ms]": 1e3 * bound[0],
+            "Cramér-Rao bound [ms]": 1e3 * bound[0],
             "drift, rms error [ppm]": 1e6 * float(rms[1]),
             "estimated SD [ppm]": 1e6 * float(usual[1]),
-            "least possible [ppm]": 1e6 * bound[1],
+            "Cramér-Rao bound [ppm]": 1e6 * bound[1],
         }
 
 

@@ -56,6 +56,6 @@ def test_findings_are_printed_with_their_trial(capsys) -> None:
     print_outcome(outcome)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("s01/walk: 4 frames")
-    assert lines[1] == f"  {PLATES.gravity}: {PLATES.title} (F1)"
+    assert lines[1] == f"  {PLATES.severity}: {PLATES.title} (F1)"
     assert lines[2] == f"    {FOUND[0].text}"
     assert lines[3] == f"    {PLATES.effect} {PLATES.remedy}"

@@ -43,7 +43,7 @@ def search_notes(search: Search) -> Iterator[Message]:
     if not search.noise_found:
         yield CALIBRATION.message(
             f"too few frames to determine the noise: assumed to be {1e3 * search.stage.noise:g} mm",
-            gravity="good to know",
+            severity="good to know",
         )
     if not found.converged:
         yield (

@@ -273,6 +273,6 @@ def far_zeros(
         f"zero angles are far from the generic model's ({named}), because the motion rotates bones"
         " in ways that the model's joints do not allow (a foot that bends, a shank that twists):"
         f" {then}",
-        gravity="changes results",
+        severity="changes results",
     )
     return (Finding("far zero angles", far[0].coordinate, text, repaired=repaired),)

@@ -432,7 +432,7 @@ def _markers(
             notes.append(
                 COUNTERPARTS.message(
                     f"marker '{marker.name}' is on the ground: it is left out",
-                    gravity="good to know",
+                    severity="good to know",
                 )
             )
             continue

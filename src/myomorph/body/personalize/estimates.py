@@ -334,5 +334,5 @@ def known_by_prior(estimates: Sequence[MuscleEstimate]) -> Message:
     )
     before = f"{share:.0f} % of the lengths, which follow the prior"
     return PERSONAL_MUSCLES.message(
-        f"the recordings hardly determine {before}: {what}", gravity="good to know"
+        f"the recordings hardly determine {before}: {what}", severity="good to know"
     )

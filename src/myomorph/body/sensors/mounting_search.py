@@ -381,7 +381,7 @@ class MountingSearch:
                 SENSORS.message(
                     f"headings of the sensors are up to {spread:.0f}° apart, as without a"
                     " magnetometer: each is found from the markers",
-                    gravity="good to know",
+                    severity="good to know",
                 ),
             )
         return _Begin(guess=guess, azimuth=True, anywhere=anywhere or own, notes=notes)
@@ -460,7 +460,7 @@ class MountingSearch:
             " legs: either legs moved sideways, or headings differ, as without magnetometer,"
             " and joint angles are wrong there: name the axis of each that points forward"
             " (--imu-heading SENSOR=AXIS ...), or record markers",
-            gravity="changes results",
+            severity="changes results",
         )
         return (text,)
 
@@ -544,7 +544,7 @@ class MountingSearch:
             f"the sensors' clock is {1e3 * delay:.0f} ms behind the markers' (correlation"
             f" {likeness:.2f})",
             size=1e3 * abs(delay),
-            gravity="good to know",
+            severity="good to know",
         )
         return _Delay(delay, (text,))
 
@@ -644,7 +644,7 @@ def _of_heading(solved: Sequence[SolvedMounting]) -> tuple[Message, ...]:
         "the recording hardly shows which way the body faces in the calibration pose (another"
         f" heading fits {ratio:.2f} times as badly): name a sensor's axis that points"
         " forward (--imu-heading SENSOR=AXIS)",
-        gravity="changes results",
+        severity="changes results",
     )
     return (text,)
 
@@ -669,5 +669,5 @@ def _of_mounting(
         if angle > DRIFTED:
             yield SENSORS.message(
                 f"the heading of sensor '{name}' drifts by {np.degrees(angle):.0f}°: corrected",
-                gravity="good to know",
+                severity="good to know",
             )

@@ -367,7 +367,7 @@ def _default_pose(model: Model, skin: Skin) -> PoseFit:
     notes = [
         SKIN.message(
             "the skin was taken to be in the model's default pose and ground",
-            gravity="good to know",
+            severity="good to know",
         )
     ]
     if outside:

@@ -147,7 +147,7 @@ def body_shape(
             SKIN.message(
                 f"statistical shape (anny), {sex or 'half female, half male (no sex given)'},"
                 f" {age:g} years, volume times {DENSITY:g} kg/m^3 is its mass",
-                gravity="good to know",
+                severity="good to know",
             ),
             *_out_of_reach({**measured, **likely.expected}, reached),
             *_unlike(sex, age, measured),

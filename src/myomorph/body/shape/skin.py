@@ -103,7 +103,7 @@ def check_skin(surface: Surface, height: float | None = None) -> Skin:
         notes.append(
             SKIN.message(
                 f"{len(faces) - len(kept)} faces without area or given twice are left out",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     faces = _one_body(vertices, kept, notes)
@@ -289,7 +289,7 @@ def _one_body(vertices: Array, faces: np.ndarray, notes: list[Message]) -> np.nd
             SKIN.message(
                 f"faces that pointed inward were turned outward in {turned} of {len(pieces)}"
                 " pieces",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     if opened or within or specks:
@@ -298,12 +298,14 @@ def _one_body(vertices: Array, faces: np.ndarray, notes: list[Message]) -> np.nd
                 f"the body is the piece with the largest surface, {len(body)} faces; left out:"
                 f" {opened} open pieces beside it (clothes, helper geometry), {within} inside it,"
                 f" {specks} specks",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     if len(kept) > 1:
         notes.append(
-            SKIN.message(f"{len(kept)} closed pieces together are the body", gravity="good to know")
+            SKIN.message(
+                f"{len(kept)} closed pieces together are the body", severity="good to know"
+            )
         )
     return np.concatenate(kept)
 
@@ -347,7 +349,7 @@ def _closed(vertices: Array, faces: np.ndarray, notes: list[Message]) -> tuple[A
         notes.append(
             SKIN.message(
                 f"{len(around)} holes were filled, the largest {1000 * max(around):.0f} mm around",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     return np.concatenate(added_vertices), np.concatenate(added_faces)

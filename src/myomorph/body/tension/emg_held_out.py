@@ -433,7 +433,7 @@ def held_out_line(emg_calibration: EmgCalibration) -> tuple[Message, ...]:
         EMG.message(
             f"EMG takes {part}: {way} {before:.2f} without EMG, {after:.2f} with the other"
             " channels",
-            gravity="good to know",
+            severity="good to know",
         ),
     )
 

@@ -113,7 +113,7 @@ class Profile:
         silent = [name for name, told in zip(self.names, result.by_torque, strict=True) if not told]
         if silent:
             warnings.append(
-                EMG.message(SILENT.format(channels=some_names(silent)), gravity="good to know")
+                EMG.message(SILENT.format(channels=some_names(silent)), severity="good to know")
             )
         return replace(result, warnings=tuple(warnings))
 

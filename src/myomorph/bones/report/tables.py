@@ -71,11 +71,11 @@ def point_rows(morph: Morph) -> Sheet:
         "target body",
         *_axes("source {} [m]"),
         *_axes("target {} [m]"),
-        "lifted [m]",
+        "moved onto surface [m]",
         "source height over surface [m]",
         "target height over surface [m]",
-        "within, 90 % [m]",
-        "brought out of bone [m]",
+        "half-width of 90 % interval [m]",
+        "moved out of bone [m]",
     )
     return Sheet(
         header,
@@ -135,19 +135,19 @@ def muscle_rows(morph: Morph) -> Sheet:
     header = (
         "muscle",
         "path",
-        "optimal fiber length",
-        "tendon slack length",
-        "maximum isometric force",
+        "optimal fiber length [ratio]",
+        "tendon slack length [ratio]",
+        "maximum isometric force [ratio]",
         "pennation [rad]",
-        "source least fiber length",
-        "source greatest fiber length",
-        "target least fiber length",
-        "target greatest fiber length",
+        "source min. normalized fiber length",
+        "source max. normalized fiber length",
+        "target min. normalized fiber length",
+        "target max. normalized fiber length",
         "fiber and force from",
-        "least fiber [share]",
-        "greatest fiber [share]",
-        "least force [share]",
-        "greatest force [share]",
+        "optimal fiber length, 90 % low [ratio]",
+        "optimal fiber length, 90 % high [ratio]",
+        "maximum isometric force, 90 % low [ratio]",
+        "maximum isometric force, 90 % high [ratio]",
     )
     return Sheet(
         header,
@@ -178,7 +178,7 @@ def joint_rows(morph: Morph) -> Sheet:
             "joint",
             "method",
             *places,
-            "moved from mapped [m]",
+            "distance from mapped center [m]",
             "gap between parent's and child's [m]",
         ),
         [
@@ -205,7 +205,7 @@ def arm_rows(checks: MorphChecks) -> Sheet:
         "target value [rad or m]",
         "source moment arm [m or 1]",
         "target moment arm [m or 1]",
-        "within, 90 % [m or 1]",
+        "half-width of 90 % interval [m or 1]",
     )
     rows: list[tuple[Cell, ...]] = []
     for arm in checks.arms:
@@ -224,7 +224,7 @@ def arm_rows(checks: MorphChecks) -> Sheet:
 
 
 def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Sheet:
-    """Tabulate mean, least and greatest moment arm of every muscle about every coordinate.
+    """Tabulate mean, minimum and maximum moment arm of every muscle about every coordinate.
 
     A column reports what becomes of its sign.
     """
@@ -232,16 +232,16 @@ def arm_summary_rows(morph: Morph, checks: MorphChecks) -> Sheet:
         "coordinate",
         "muscle",
         "source mean [m or 1]",
-        "source least",
-        "source greatest",
+        "source min. [m or 1]",
+        "source max. [m or 1]",
         "target mean [m or 1]",
-        "target least",
-        "target greatest",
-        "target over grown source, root mean square",
+        "target min. [m or 1]",
+        "target max. [m or 1]",
+        "target over scaled source, RMS ratio",
         "same sign [share of range]",
-        "source jump",
-        "target jump",
-        "within, 90 %, root mean square",
+        "source jump [m or 1]",
+        "target jump [m or 1]",
+        "half-width of 90 % interval, RMS [m or 1]",
     )
     sizes = muscle_sizes(morph.source, morph.bones)
     rows: list[tuple[Cell, ...]] = []
@@ -271,9 +271,13 @@ def _within(moment_arms: MomentArms) -> Array:
 
 def wrap_rows(checks: MorphChecks) -> Sheet:
     """Where wrap objects lie in the target's bones, their sizes, and how surely."""
-    sizes = "first size [m]", "middle within, 90 % [m]", "first size within, 90 % [m]"
+    sizes = (
+        "radius or first size [m]",
+        "half-width of 90 % interval of center [m]",
+        "half-width of 90 % interval of size [m]",
+    )
     return Sheet(
-        ("wrap object", "body", "kind", *_axes("middle {} [m]"), *sizes),
+        ("wrap object", "body", "kind", *_axes("center {} [m]"), *sizes),
         [
             (
                 wrap.wrap.name,
@@ -300,7 +304,7 @@ def penetration_rows(checks: MorphChecks) -> Sheet:
         "bone",
         "source depth [m]",
         "target depth [m]",
-        "increase over grown source [m]",
+        "increase over scaled source [m]",
         "coordinate",
         "value [rad or m]",
     )

@@ -160,7 +160,7 @@ def read_bones(
         notes.append(
             BONES.message(
                 f"{folder.name}: not used, named after no body of the model: {', '.join(unknown)}",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     result: dict[str, Surface] = {}

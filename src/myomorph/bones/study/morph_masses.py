@@ -84,7 +84,7 @@ def with_skin_masses(
     notes.append(
         SKIN.message(
             f"masses from {len(points)} mass points inside the skin, {weight:.4g} kg{unsaid}",
-            gravity="good to know",
+            severity="good to know",
         )
     )
     empty = [

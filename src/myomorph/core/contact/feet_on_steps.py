@@ -235,7 +235,7 @@ def _warnings(
                     f"step '{step.name}' carries {' and '.join(who)} together for"
                     f" {several.sum() * step_time:.3g} s: its force is shared",
                     place=step.name,
-                    gravity="may change results",
+                    severity="may change results",
                 )
             )
     return result
@@ -286,7 +286,7 @@ def stair_wrenches(
                     f"step '{step.name}' does not measure force along {', '.join(missing)}: inverse"
                     " dynamics goes without it; tensions with shared contacts take the rest",
                     place=step.name,
-                    gravity="may change results",
+                    severity="may change results",
                 )
             )
             continue

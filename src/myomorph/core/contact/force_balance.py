@@ -27,7 +27,7 @@ from myomorph.core.contact.force_placement import FITS, MARKED, NEAR, shared_fra
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.causes import CLOCKS, PLATES, WEIGHT
 from myomorph.core.model.findings import Finding, Repair
-from myomorph.core.model.gravity import FORCE_ERROR, gravity_of
+from myomorph.core.model.severity import FORCE_ERROR, severity_of
 from myomorph.core.motion.filters import lowpass
 
 CUTOFF = 6.0
@@ -360,7 +360,7 @@ def check_mass(inspection: Inspection) -> Iterator[Finding]:
         f" model weighs {mass:.1f} kg ({difference:+.0f} %): scale the model"
         " to the subject's mass, or check the calibration of the plates",
         size=difference,
-        gravity=gravity_of(difference, 100.0 * FORCE_ERROR),
+        severity=severity_of(difference, 100.0 * FORCE_ERROR),
     )
     yield Finding("mass", ", ".join(map(inspection.name, inspection.numbers)), text)
 

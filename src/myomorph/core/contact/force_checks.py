@@ -177,7 +177,7 @@ def _mirrored(name: str, before: float, exchanged: float, mirror: Mirror) -> Ite
             f" foot that the belt carries, {near} when mirrored along {axes} (about {middle}"
             " m): its plate seems mirrored about its own middle, and torques there are wrong:"
             " check the plate's corners or the sign of its moments",
-            gravity="changes results",
+            severity="changes results",
         )
         yield Finding(MIRRORED_PLATE, name, text)
     elif exchanged > CLEARER * mirror.distance:
@@ -186,7 +186,7 @@ def _mirrored(name: str, before: float, exchanged: float, mirror: Mirror) -> Ite
             f" other one), or its plate is mirrored along {axes} ({near} from its own then):"
             " the recording does not say which: nothing was changed; check the plate's"
             " corners, or name its body (--bodies, --plates)",
-            gravity="changes results",
+            severity="changes results",
         )
         yield Finding(UNSURE, name, text)
 
@@ -284,7 +284,7 @@ def check_progress(inspection: Inspection) -> Iterator[Finding]:
                 f" {times[0][0]:.2f} s: its plate seems mirrored about its own middle along the"
                 " foot, and torques there are wrong: check the plate's corners or the sign of its"
                 " moments",
-                gravity="changes results",
+                severity="changes results",
             )
             yield Finding(kind=MIRRORED_PLATE, place=name, text=text, times=times)
 
@@ -449,7 +449,7 @@ def _not_judged(wrenches: Wrenches, motion: Motion) -> Finding:
     text = PLATES.message(
         f"the forces were neither judged nor corrected by the motion, since the markers contradict"
         f" a standing body ({kinds}): correct the markers first",
-        gravity="changes results",
+        severity="changes results",
     )
     return Finding("forces not judged", ", ".join(wrenches.names), text)
 
@@ -571,7 +571,7 @@ def check_units(inspection: Inspection) -> Iterator[Finding]:
             UNITS.message(
                 f"the largest external force is {largest:.3g} N, the model weighs {weight:.0f} N:"
                 " are the forces in kilonewtons or body weights? Give them in newtons",
-                gravity="changes results",
+                severity="changes results",
             ),
         )
 

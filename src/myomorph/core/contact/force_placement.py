@@ -375,7 +375,7 @@ def _lost(inspection: Inspection, number: int, spans: list[slice], distances: Ar
         f"the center of pressure of force '{name}' lies {near:.2f} m from the nearest foot that"
         f" stands in {len(spans)} steps, first at {times[0][0]:.2f} s: are its axes those of the"
         " motion, and does it act on a foot? Name its body (--bodies, --plates) if not",
-        gravity="changes results",
+        severity="changes results",
     )
     return Finding(kind=NO_FOOT, place=name, text=text, times=times)
 

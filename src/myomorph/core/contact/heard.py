@@ -103,7 +103,7 @@ def heard_contacts(  # page: a recording of sound and of motion, with its filter
             SOUND.message(
                 f"the sound begins at {sound.start:.3f} s of the motion, as {clock.impacts} impacts"
                 f" show ({clock.ratio:.1f} times better than the next best time)",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     heard = hear_impacts(sound, plan.instruments, plan.speed, np.asarray(recorded.time))

@@ -115,6 +115,6 @@ def _finding(inspection: Inspection, plate: TurnedPlate, before: float) -> Findi
         f" forces miss the center of mass's acceleration by {np.sqrt(before):.0f} N (root mean"
         f" square), so {np.sqrt(plate.error):.0f} N: check the corners of its plate, or its axes",
         place=name,
-        gravity="changes results",
+        severity="changes results",
     )
     return Finding(TURNED_PLATE, name, text)

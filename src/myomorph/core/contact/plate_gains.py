@@ -15,7 +15,7 @@ from myomorph.core.contact.force_balance import balance
 from myomorph.core.contact.force_inspection import GAIN, Inspection, supported
 from myomorph.core.model.causes import WEIGHT
 from myomorph.core.model.findings import Finding
-from myomorph.core.model.gravity import FORCE_ERROR, gravity_of
+from myomorph.core.model.severity import FORCE_ERROR, severity_of
 
 ALONE = 0.93  # Share of the force of all plates that one of them measures where it carries alone.
 MIN_TIME = 0.15  # That a plate has to carry the body alone [s].
@@ -63,7 +63,7 @@ def check_gains(inspection: Inspection) -> Iterator[Finding]:
             f" carries the body, and {beside} {float(np.mean(others)):.2f} times: check the"
             " calibration of its plate (gain, range)",
             size=change,
-            gravity=gravity_of(change, 100.0 * FORCE_ERROR),
+            severity=severity_of(change, 100.0 * FORCE_ERROR),
         )
         yield Finding(GAIN, name, text)
 

@@ -15,9 +15,9 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, runs
 from myomorph.core.model.causes import PLATE_ZERO
-from myomorph.core.model.gravity import FORCE_ERROR, gravity_of
 from myomorph.core.model.messages import Message
 from myomorph.core.model.series import Wrenches
+from myomorph.core.model.severity import FORCE_ERROR, severity_of
 
 ZERO = "plate zero"  # Kind of a finding: what a plate reads with nobody on it.
 LOW = 0.2  # Share of the largest force below which a plate may be unloaded.
@@ -94,11 +94,11 @@ class Zero:
                 f"{name} reads {self.first:.3g} N with nobody on it at first and"
                 f" {self.last:.3g} N at last: its zero drifts"
             )
-        gravity = gravity_of(self.worst, LEVER * FORCE_ERROR * self.largest)
+        severity = severity_of(self.worst, LEVER * FORCE_ERROR * self.largest)
         # An empty plate that counts as loaded is taken for a foot.
         if 0.0 < LOADED * self.weight < self.worst:
-            gravity = "changes results"
-        return PLATE_ZERO.message(text, place=name, size=self.worst, gravity=gravity)
+            severity = "changes results"
+        return PLATE_ZERO.message(text, place=name, size=self.worst, severity=severity)
 
 
 class _Level(NamedTuple):

@@ -76,12 +76,12 @@ def unit_of_angles(table: Table, model: Model, columns: Mapping[str, int]) -> An
         note = UNITS.message(
             f"the head does not state {STATED}, and {text} taken as degrees",
             place=name,
-            gravity="changes results",
+            severity="changes results",
         )
         return AngleUnit(in_degrees=True, notes=(note,))
     said = f"the head states {STATED}=no, and" if stated else f"the head does not state {STATED}:"
     note = UNITS.message(
-        f"{said} {text} taken as radians; are they degrees?", place=name, gravity="changes results"
+        f"{said} {text} taken as radians; are they degrees?", place=name, severity="changes results"
     )
     return AngleUnit(in_degrees=False, notes=(note,))
 
@@ -128,7 +128,7 @@ def _radians(
         UNITS.message(
             f"the head states {STATED}=yes, but the body {way} while no angle changes by more than"
             f" {turn:.2g}: are they radians?",
-            gravity="changes results",
+            severity="changes results",
         ),
     )
 

@@ -380,7 +380,7 @@ def _paired(path: Path, marks: Sequence[_Mark]) -> tuple[list[Touch], list[Messa
             CONTACT_TIMES.message(
                 f"{path.name}: '{site}' touches at {begun.time:g} s and never leaves: taken to the"
                 " end of the recording",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     return intervals, warnings

@@ -261,7 +261,7 @@ def _column_names(
     names = _names(heading, width)
     if names:
         notes.append(
-            FORCE_FILES.message(f"columns by its heading: {quoted(names)}", gravity="good to know")
+            FORCE_FILES.message(f"columns by its heading: {quoted(names)}", severity="good to know")
         )
         return names
     names = guessed_names(values) or []

@@ -431,7 +431,7 @@ def _hidden(values: Array, names: list[str], notes: list[Message]) -> Array:
             HIDDEN.message(
                 f"{np.count_nonzero(zero)} positions are exactly (0, 0, 0): taken as hidden (most"
                 f" of '{worst}')",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     hidden = zero | np.isnan(values).any(axis=2)

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from myomorph.core.model.arrays import Array, runs
-from myomorph.core.model.messages import Gravity, Message, as_message, summarized
+from myomorph.core.model.messages import Message, Severity, as_message, summarized
 from myomorph.core.model.messages import Span as Span
 
 INSTANT = 0.005  # Longest stretch that is written as one time [s]
@@ -110,8 +110,8 @@ def _repaired_text(finding: Finding, repair: Repair, applied: bool) -> Message:
     """Say what was done or what helps; what is cured changes no number, and is good to know."""
     text = as_message(finding.text)
     helps = repair.done if applied else repair.advice
-    gravity: Gravity = "good to know" if applied and repair.cures else text.gravity
-    return text.changed(f"{text}: {helps}" if helps else None, gravity=gravity)
+    severity: Severity = "good to know" if applied and repair.cures else text.severity
+    return text.changed(f"{text}: {helps}" if helps else None, severity=severity)
 
 
 def messages_of_findings(findings: Iterable[Finding]) -> tuple[Message, ...]:

@@ -120,7 +120,7 @@ def made_up_inertias(bodies: Sequence[Body]) -> tuple[Message, ...]:
                 f"inertia of {names}: up to {moments[worst]:.3g} kg m^2 at {worst.mass:.3g} kg"
                 f" ('{worst.name}'), as of mass {away:.3g} m away: torques there depend on it;"
                 " correct it in the file",
-                gravity="may change results",
+                severity="may change results",
             )
         ),
     )

@@ -1,4 +1,4 @@
-"""Messages grouped by their cause: place, size, effect and remedy of each, the gravest first."""
+"""Messages grouped by cause: place, size, effect and remedy of each, the most severe first."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from myomorph.core.model.errors import counted, few
 from myomorph.core.model.findings import times_text
-from myomorph.core.model.messages import GRAVITIES, Cause, Gravity, Message, Span, unique
+from myomorph.core.model.messages import SEVERITIES, Cause, Message, Severity, Span, unique
 
 APART = 0.1
 """Stretches of time closer than this are one [s]."""
@@ -15,28 +15,28 @@ MAX_PLACES = 3
 """Places that are named of one cause."""
 EVERYWHERE = frozenset({"contacts", "frames", "markers", "all markers"})
 """Places of findings that name no single thing."""
-NOTE: Gravity = "good to know"
+NOTE: Severity = "good to know"
 
 
 @dataclass(frozen=True, kw_only=True)
 class CauseGroup:
-    """A cause with all its messages of one gravity, as they were written.
+    """A cause with all its messages of one severity, as they were written.
 
     Attributes
     ----------
     cause : title, effect and remedy
-    gravity : of its messages
+    severity : of its messages
     messages : the largest first, else in the order of the steps
     """
 
     cause: Cause
-    gravity: Gravity
+    severity: Severity
     messages: tuple[Message, ...]
 
     @property
     def is_warning(self) -> bool:
         """Whether a number of the first screen may change by more than its error."""
-        return self.gravity != NOTE
+        return self.severity != NOTE
 
     @property
     def spans(self) -> tuple[Span, ...]:
@@ -78,20 +78,20 @@ class CauseGroup:
 
 
 def grouped_messages(messages: Iterable[str]) -> tuple[CauseGroup, ...]:
-    """Messages by gravity and cause, the gravest first.
+    """Messages by severity and cause, the most severe first.
 
-    Of one gravity a cause that others follow from comes before them, and alike ones are in the
+    Of one severity a cause that others follow from comes before them, and alike ones are in the
     order of the steps. A text that is no message is of an unknown cause.
     """
-    of_group: dict[tuple[Gravity, Cause], list[Message]] = {}
+    of_group: dict[tuple[Severity, Cause], list[Message]] = {}
     for message in unique(messages):
-        of_group.setdefault((message.gravity, message.cause), []).append(message)
+        of_group.setdefault((message.severity, message.cause), []).append(message)
     groups = [
-        CauseGroup(cause=cause, gravity=gravity, messages=_largest_first(found))
-        for (gravity, cause), found in of_group.items()
+        CauseGroup(cause=cause, severity=severity, messages=_largest_first(found))
+        for (severity, cause), found in of_group.items()
     ]
     return tuple(
-        sorted(groups, key=lambda group: (GRAVITIES.index(group.gravity), group.cause.order))
+        sorted(groups, key=lambda group: (SEVERITIES.index(group.severity), group.cause.order))
     )
 
 
@@ -101,7 +101,7 @@ def _largest_first(messages: Sequence[Message]) -> tuple[Message, ...]:
 
 
 def outcome_lines(messages: Iterable[str], listed: str) -> list[str]:
-    """Lines for people on what messages say, the gravest cause first.
+    """Lines for people on what messages say, the most severe cause first.
 
     A warning's cause has its size and place, its messages, the largest first, its effect and
     remedy; what is good to know has one line in all.
@@ -119,7 +119,7 @@ def outcome_lines(messages: Iterable[str], listed: str) -> list[str]:
             continue
         where = f" ({group.where})" if group.where else ""
         size = f": {group.size}" if group.size else ""
-        lines.append(f"{group.gravity}: {group.cause.title}{where}{size}")
+        lines.append(f"{group.severity}: {group.cause.title}{where}{size}")
         lines += [f"  {' '.join(text.split())}" for text in group.messages]
         lines.append(f"  {group.cause.effect} {group.cause.remedy}".rstrip())
     if known:

@@ -17,9 +17,9 @@ from myomorph.core.model.errors import few
 
 Span: TypeAlias = tuple[float, float]
 """First and last time of a stretch of frames [s]."""
-Gravity = Literal["changes results", "may change results", "good to know"]
-GRAVITIES: tuple[Gravity, ...] = get_args(Gravity)
-"""What a cause can do to a number of a page's first screen, the gravest first (`gravity.py`)."""
+Severity = Literal["changes results", "may change results", "good to know"]
+SEVERITIES: tuple[Severity, ...] = get_args(Severity)
+"""Effects of a cause on the numbers of a page's first screen (`severity.py`), severest first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,18 +30,18 @@ class Cause:
     ----------
     key : its name in files, as "feet_beside"
     title : what is the matter, as "Feet beside the plates"
-    gravity : the gravest that it can be; a message may say that it is less
+    severity : the most severe that it can be; a message may say that it is less
     effect : on which results, and how
     remedy : a command or a better recording, "" where nothing needs to be done
-    quantities : names of the quantities that it touches
+    quantities : names of the quantities that it affects
     size : sentence with {size}, how much it is; "" where only the number of messages says it
-    order : of messages of one gravity: 0 where others follow from it, as from a wrong unit or
+    order : of messages of one severity: 0 where others follow from it, as from a wrong unit or
         person; 2 where it may follow from others, as a force under no foot; 1 for the rest
     """
 
     key: str
     title: str
-    gravity: Gravity
+    severity: Severity
     effect: str
     remedy: str = ""
     quantities: tuple[str, ...] = ()
@@ -56,7 +56,7 @@ class Cause:
         times: Sequence[Span] = (),
         size: float | None = None,
         share: float | None = None,
-        gravity: Gravity | None = None,
+        severity: Severity | None = None,
     ) -> Message:
         """Make a message of this cause; for the values see `Facts`."""
         facts = Facts(
@@ -65,7 +65,7 @@ class Cause:
             times=tuple(times),
             size=size,
             share=share,
-            gravity=self.gravity if gravity is None else gravity,
+            severity=self.severity if severity is None else severity,
         )
         return Message(text, facts)
 
@@ -73,7 +73,7 @@ class Cause:
 OTHER = Cause(
     key="other",
     title="Other remarks",
-    gravity="may change results",
+    severity="may change results",
     effect="As each says.",
     remedy="Read them.",
 )
@@ -90,7 +90,7 @@ class Facts(NamedTuple):
     times : (start, stop) of each stretch of time concerned [s]; empty where all of it is
     size : number of the cause's sentence of size, None where nothing is measured
     share : of the frames concerned, 0 to 1; None where it is not known
-    gravity : what it does to a number of the first screen
+    severity : what it does to a number of the first screen
     """
 
     cause: Cause
@@ -98,7 +98,7 @@ class Facts(NamedTuple):
     times: tuple[Span, ...]
     size: float | None
     share: float | None
-    gravity: Gravity
+    severity: Severity
 
 
 class Message(str):
@@ -153,9 +153,9 @@ class Message(str):
         return self.facts.share
 
     @property
-    def gravity(self) -> Gravity:
+    def severity(self) -> Severity:
         """What it does to a number of the first screen."""
-        return self.facts.gravity
+        return self.facts.severity
 
     @property
     def text(self) -> str:
@@ -193,13 +193,13 @@ class Message(str):
         return max((stop for _, stop in self.times), default=math.nan)
 
     @property
-    def stretches(self) -> int:
-        """Number of stretches of time."""
+    def intervals(self) -> int:
+        """Number of time intervals concerned."""
         return len(self.times)
 
     @property
-    def touches(self) -> str:
-        """Quantities that its cause touches."""
+    def quantities(self) -> str:
+        """Names of the quantities that its cause affects."""
         return " ".join(self.cause.quantities)
 
     def changed(self, text: str | None = None, **facts: Any) -> Message:
@@ -224,7 +224,7 @@ class Message(str):
         known = Cause(
             key=cause["key"],
             title=cause["title"],
-            gravity=cause["gravity"],
+            severity=_severity(cause),
             effect=cause["effect"],
             remedy=cause["remedy"],
             quantities=tuple(cause["quantities"]),
@@ -238,8 +238,14 @@ class Message(str):
             times=[(start, stop) for start, stop in record["times"]],
             size=record["size"],
             share=record["share"],
-            gravity=record["gravity"],
+            severity=_severity(record),
         )
+
+
+def _severity(record: dict[str, Any]) -> Severity:
+    """Return the severity of a record; files of version 0.1 call it gravity."""
+    severity: Severity = record["severity"] if "severity" in record else record["gravity"]
+    return severity
 
 
 def as_message(text: str) -> Message:
@@ -254,7 +260,9 @@ def together(messages: Sequence[Message]) -> Message:
     ----------
     messages : one or more of one cause, such as of several markers
     """
-    worst = max(messages, key=lambda each: (-GRAVITIES.index(each.gravity), abs(each.size or 0.0)))
+    worst = max(
+        messages, key=lambda each: (-SEVERITIES.index(each.severity), abs(each.size or 0.0))
+    )
     others = [message for message in messages if message is not worst]
     if not others:
         return worst

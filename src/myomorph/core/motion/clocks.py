@@ -248,7 +248,7 @@ def fit_clock(  # page: two recordings, with what is used of them
                 f"the clocks drift: {1e6 * clock.drift:.1f} ± {1e6 * clock.drift_sd:.1f} ppm,"
                 f" {1e3 * abs(clock.drift) * clock.length:.2f} ms over {clock.length:.0f} s;"
                 " corrected",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     return replace(clock, notes=tuple(notes))
@@ -317,7 +317,7 @@ def on_one_clock(
                 CLOCKS.message(
                     f"'{name}' ({part.rate:.4g} Hz) is resampled to the times of '{fastest}'"
                     f" ({parts[fastest].rate:.4g} Hz)",
-                    gravity="good to know",
+                    severity="good to know",
                 )
             )
         lost = len(part) - int(
@@ -328,7 +328,7 @@ def on_one_clock(
                 CLOCKS.message(
                     f"'{name}' loses {lost} of {len(part)} frames, from before {begin:g} or after"
                     f" {stop:g} s",
-                    gravity="good to know",
+                    severity="good to know",
                 )
             )
     return shifted, tuple(notes)

@@ -41,7 +41,7 @@ def doubled_findings(markers: Markers, names: Sequence[str], unit: float) -> Ite
             text = LABELS.message(
                 f"labels '{pair[0]}' and '{pair[1]}' have the same positions: one marker was given"
                 " both; label the recording again, or leave one out",
-                gravity="changes results",
+                severity="changes results",
             )
             yield Finding(kind=DOUBLED, place=", ".join(pair), text=text)
 

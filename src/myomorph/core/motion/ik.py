@@ -65,9 +65,9 @@ class InverseKinematicsOptions:
         the mean curvature of the cost; too small to be seen in the others
     root_bounds : keep a floating body within the bounds of its root's coordinates too, as OpenSim
         does; by default it may stand and turn anywhere in the laboratory
-    unseen : what is assumed of coordinates that no marker shows: "upright", a trunk that stays
-        upright, gaps of markers bridged (`myomorph.core.motion.unseen`), or "default", all at the
-        default pose, frame by frame, as OpenSim does
+    untracked_coordinates : assumption about coordinates that no marker determines; "upright": the
+        trunk stays upright and gaps of markers are bridged (`myomorph.core.motion.unseen`);
+        "default": the default pose in every frame, as in OpenSim
     """
 
     marker_weights: Mapping[str, float] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class InverseKinematicsOptions:
     iterations: int = 100
     posture_weight: float = 1e-7
     root_bounds: bool = False
-    unseen: Literal["upright", "default"] = "upright"
+    untracked_coordinates: Literal["upright", "default"] = "upright"
 
     def __post_init__(self) -> None:
         check_choices(self)
@@ -263,7 +263,9 @@ def inverse_kinematics(
     sensors = tuple(task.sensor for task in options.tasks if isinstance(task, OrientationTask))
     fit = replace(fit, sensor_names=sensors) if sensors else fit
     return (
-        fit if options.unseen == "default" else _with_unseen(tree, problem, fit, options.settings)
+        fit
+        if options.untracked_coordinates == "default"
+        else _with_unseen(tree, problem, fit, options.settings)
     )
 
 

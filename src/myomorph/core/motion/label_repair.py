@@ -570,7 +570,7 @@ def _swap_finding(
         mirrored = "one axis of the recording is mirrored (change its sign, in the forces too)"
         why = mirrored if swap.certain else f"either {sides}, or {mirrored}"
         text = MARKERS.message(
-            f"left and right are exchanged {when}: {fits}; {why}", gravity="changes results"
+            f"left and right are exchanged {when}: {fits}; {why}", severity="changes results"
         )
         return Finding(
             kind="mirrored axis" if swap.certain else "left and right",

@@ -61,7 +61,7 @@ def lost_findings(markers: Markers, names: Sequence[str]) -> Iterator[Finding]:
             f"no marker moves in {stop - start + 1} frames from {span[0]:.2f} to {span[1]:.2f} s:"
             " they are one frame repeated; leave this part out (--time), or export"
             " the recording again",
-            gravity="changes results",
+            severity="changes results",
         )
         yield Finding(kind=FROZEN, place="all markers", text=text, times=(span,))
     yield from _missing(markers, steps, still)

@@ -378,7 +378,7 @@ def name_findings(
             f"only {matched} of the model's {model} markers are among the {recorded} recorded: not"
             f" in the model are {quoted(unused)}; {hint}map the names with"
             " --labels (labels in a study)",
-            gravity="changes results",
+            severity="changes results",
         )
         return (Finding("unmatched markers", "markers", text),)
     if near:

@@ -12,9 +12,9 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import HIDDEN, MARKERS
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.findings import Finding, Repair, spans_of
-from myomorph.core.model.gravity import gravity_of_share
 from myomorph.core.model.model import Model
 from myomorph.core.model.series import Markers
+from myomorph.core.model.severity import severity_of_share
 from myomorph.core.model.sides import mirror_names
 from myomorph.core.motion.ik import KinematicsFit
 from myomorph.core.motion.marker_frames import MarkerFrames, marker_frames
@@ -399,7 +399,7 @@ def _lost(fit: KinematicsFit, lost: np.ndarray) -> Iterator[Finding]:
         f" is (as few as {fewest} of {len(fit.marker_names)}, first at {spans[0][0]:.2f} s)",
         size=100.0 * share,
         share=share,
-        gravity=gravity_of_share(share, HIDDEN.gravity),
+        severity=severity_of_share(share, HIDDEN.severity),
     )
     repair = Repair(
         partial(_without, lost=lost), "left empty", "poses there are guesses", cures=False
@@ -444,7 +444,7 @@ def _partly(
             f" {spans[0][0]:.2f} to {spans[0][1]:.2f} s: values there are {guess}",
             size=100.0 * share,
             share=share,
-            gravity=gravity_of_share(share, HIDDEN.gravity),
+            severity=severity_of_share(share, HIDDEN.severity),
         )
         yield Finding(kind="hidden in part", place=", ".join(which), text=text, times=spans)
 

@@ -105,7 +105,7 @@ def measure(model: Model, markers: Markers, measurement: Measurement) -> Measure
                 HIDDEN.message(
                     f"measurement '{measurement.name}': {hidden} of {len(seen)} frames do not show"
                     f" both '{first}' and '{second}'",
-                    gravity="good to know",
+                    severity="good to know",
                 )
             )
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -295,7 +295,7 @@ def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) ->
     notes = [
         MARKERS.message(
             f"marker '{name}' is not seen in the static frames: its position is kept",
-            gravity="good to know",
+            severity="good to know",
         )
         for name in model.marker_names
         if name not in seen
@@ -307,7 +307,7 @@ def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) ->
             notes.append(
                 HIDDEN.message(
                     f"marker '{name}' is not seen in {gaps} of {len(values)} static frames",
-                    gravity="good to know",
+                    severity="good to know",
                 )
             )
         spread = float(np.max(np.nanmax(values, axis=0) - np.nanmin(values, axis=0)))
@@ -315,7 +315,7 @@ def _notes(model: Model, used: Markers, seen: set[str], most_movement: float) ->
             notes.append(
                 MARKERS.message(
                     f"marker '{name}' moves {1000 * spread:.1f} mm in the static frames",
-                    gravity="good to know",
+                    severity="good to know",
                 )
             )
     return notes

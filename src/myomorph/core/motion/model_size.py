@@ -9,8 +9,8 @@ import numpy as np
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import SIZES
 from myomorph.core.model.findings import Finding
-from myomorph.core.model.gravity import gravity_of
 from myomorph.core.model.model import Model
+from myomorph.core.model.severity import severity_of
 from myomorph.core.motion.body_size import distance_ratios
 
 ERROR = 0.03  # Of lengths between markers on skin, above those of a model that was fitted.
@@ -47,6 +47,6 @@ def size_findings(model: Model, names: Sequence[str], values: Array) -> Iterator
         f" {len(ratios)} distances {low:.2f} to {high:.2f} times): is it the model of another"
         " person, or not scaled yet? Scale or calibrate the model to this person",
         size=100.0 * apart,
-        gravity=gravity_of(apart, ERROR),
+        severity=severity_of(apart, ERROR),
     )
     yield Finding("size of the model", "all markers", text)

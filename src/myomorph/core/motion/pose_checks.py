@@ -11,10 +11,10 @@ from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import POSES, UNSEEN
 from myomorph.core.model.errors import quoted
 from myomorph.core.model.findings import Finding, spans_of
-from myomorph.core.model.gravity import ANGLE_ERROR, gravity_of, gravity_of_share
-from myomorph.core.model.messages import Gravity
+from myomorph.core.model.messages import Severity
 from myomorph.core.model.model import GROUND, Coordinate, Model
 from myomorph.core.model.series import Markers
+from myomorph.core.model.severity import ANGLE_ERROR, severity_of, severity_of_share
 from myomorph.core.motion.ik import InverseKinematicsOptions, KinematicsFit, inverse_kinematics
 from myomorph.core.motion.marker_frames import marker_frames
 from myomorph.core.motion.marker_influence import undetermined
@@ -112,14 +112,14 @@ def _bound_findings(
             f"coordinate '{name}' is held at its bound of {bound} in {int(at[:, i].sum())} of"
             f" {len(fit.motion)} frames ({first}); the markers suggest about {further} more: check"
             " the bound, the markers there and the model's size",
-            gravity=_bound_gravity(bound, beyond),
+            severity=_bound_severity(bound, beyond),
         )
         yield Finding(kind="at its bound", place=name, text=text, times=spans)
 
 
-def _bound_gravity(bound: _Bound, beyond: float) -> Gravity:
-    """Gravity of a bound that the markers would pass by so much [rad or m]."""
-    return gravity_of(np.degrees(beyond), ANGLE_ERROR) if bound.turns else POSES.gravity
+def _bound_severity(bound: _Bound, beyond: float) -> Severity:
+    """Severity of a bound that the markers would pass by so much [rad or m]."""
+    return severity_of(np.degrees(beyond), ANGLE_ERROR) if bound.turns else POSES.severity
 
 
 def _unclamped(model: Model, names: Sequence[str]) -> Model:
@@ -255,7 +255,7 @@ def turned_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
             f" of its range ({np.degrees(low):.0f} to {np.degrees(high):.0f} degrees), in"
             f" {int(over.sum())} of {len(angles)} frames from {spans[0][0]:.2f} s on: the joint"
             " flipped over, and torques there are wrong: clamp it, or check the markers",
-            gravity="changes results",
+            severity="changes results",
         )
         yield Finding(kind="joint turned over", place=coordinate.name, text=text, times=spans)
 
@@ -296,7 +296,7 @@ def _upright_findings(model: Model, fit: KinematicsFit) -> Iterator[Finding]:
     text = POSES.message(
         f"the body {what}: it is tilted by {usual:.0f} degrees in {count}, along the recording's"
         f" {axis} axis. If it stood, the recording's vertical is not the model's: rotate its axes",
-        gravity="changes results",
+        severity="changes results",
     )
     yield Finding("vertical axis", joint.child, text)
 
@@ -311,6 +311,6 @@ def _convergence_findings(fit: KinematicsFit) -> Iterator[Finding]:
             f"{int(lost.sum())} of {len(lost)} frames did not converge, the first at"
             f" {spans[0][0]:.2f} s",
             share=share,
-            gravity=gravity_of_share(share, POSES.gravity),
+            severity=severity_of_share(share, POSES.severity),
         )
         yield Finding(kind="not converged", place="frames", text=text, times=spans)

@@ -383,7 +383,7 @@ def unreported_feet(reported: Contacts, feet: Sequence[Site]) -> tuple[Message, 
     return (
         CONTACT_TIMES.message(
             f"no contact interval is specified for {', '.join(missing)}: found from the motion",
-            gravity="good to know",
+            severity="good to know",
         ),
     )
 

@@ -253,7 +253,7 @@ def _bone(
         JOINT_POINTS.message(
             f"{knee.name}: no mesh of '{knee.parent}' lies beside the model: that of '{other}' is"
             " taken, mirrored",
-            gravity="good to know",
+            severity="good to know",
         )
     ]
     return mirrored * np.where(np.arange(3) == across, -1.0, 1.0), notes

@@ -24,9 +24,9 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.causes import CONTACTS
 from myomorph.core.model.contacts import Cone, Site
 from myomorph.core.model.errors import BadData, counted, whole
-from myomorph.core.model.gravity import FORCE_ERROR, gravity_of, gravity_of_share
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import GROUND
+from myomorph.core.model.severity import FORCE_ERROR, severity_of, severity_of_share
 from myomorph.core.rigid.kinematics import center_of_mass, forward_kinematics
 from myomorph.core.tension.dual import MISSING
 from myomorph.core.tension.problem import TensionProblem
@@ -699,7 +699,7 @@ def relaxation_messages(
     spans = [(run[0].time, run[-1].time) for run in _neighbors(relaxations)]
     share = len(relaxations) / max(frames, 1)
     size = max(float(np.linalg.norm(each.force)) for each in relaxations)
-    grave = gravity_of(size, FORCE_ERROR * weight)
+    severity = severity_of(size, FORCE_ERROR * weight)
     parts = counted(len(spans), "stretch")
     return (
         CONTACTS.message(
@@ -708,7 +708,7 @@ def relaxation_messages(
             times=spans,
             size=size,
             share=share,
-            gravity=gravity_of_share(share, grave),
+            severity=severity_of_share(share, severity),
         ),
     )
 

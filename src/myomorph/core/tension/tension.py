@@ -396,7 +396,7 @@ def passive_notes(tension: Tension) -> tuple[Message, ...]:
             PASSIVE.message(
                 "passive force on rigid tendons: fibers take up all that a path lengthens, so it is"
                 " larger than with elastic tendons",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     large = tension.large_passive

@@ -113,7 +113,7 @@ def run_inverse_kinematics(setup: InverseKinematicsSetup, source: Path) -> ToolR
     assert trial.markers is not None
     markers = nearest_frames(trial.markers, setup.time_range, markers_path)
     options = tasks_of_setup(
-        InverseKinematicsOptions(root_bounds=True, unseen="default"),
+        InverseKinematicsOptions(root_bounds=True, untracked_coordinates="default"),
         setup.tasks,
         setup.coordinates,
         model,

@@ -270,7 +270,7 @@ def _at_even_times(recorded: Motion, path: Path, notes: list[Message]) -> Motion
         SETUPS.message(
             f"{path.name}: {len(recorded)} uneven frames became {len(time)} even ones for the"
             " filter",
-            gravity="good to know",
+            severity="good to know",
         )
     )
     spline = natural_spline(recorded.time, recorded.values)

@@ -212,7 +212,7 @@ def _inverse_kinematics(node: Node) -> InverseKinematicsSetup:
                 SETUPS.message(
                     f"constraint_weight is {weight:g}: constraints are enforced strictly anyway, as"
                     " in OpenSim 4.6",
-                    gravity="good to know",
+                    severity="good to know",
                 )
             ),
         )

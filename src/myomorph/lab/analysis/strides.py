@@ -360,7 +360,7 @@ def _straight(gait: _Gait, whole: Sequence[Stride]) -> _Chosen:
     if not spans:
         return _Chosen(kept, FrozenMap(left_out), ())
     text = f"strides in which the body turns or stops are left out: {times_text(spans)}"
-    note = STRIDES.message(text, times=spans, gravity="good to know")
+    note = STRIDES.message(text, times=spans, severity="good to know")
     return _Chosen(kept, FrozenMap(left_out), (note,))
 
 

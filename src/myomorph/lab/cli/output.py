@@ -25,7 +25,7 @@ def said(text: str) -> None:
 
 
 def warn(warnings: Iterable[str], where: str = LISTED) -> None:
-    """Print what looked wrong but did not stop the work, the gravest cause first.
+    """Print what looked wrong but did not stop the work, the most severe cause first.
 
     All that may change results is printed; of a cause that is good to know, with many messages, the
     largest, and where all are listed.

@@ -404,7 +404,7 @@ def on_feet(wrenches: Wrenches, markers: Markers | None, bodies: Sequence[str] =
         *(
             (
                 PLATES.message(
-                    f"{', '.join(idle)} are never loaded: left out", gravity="good to know"
+                    f"{', '.join(idle)} are never loaded: left out", severity="good to know"
                 ),
             )
             if idle

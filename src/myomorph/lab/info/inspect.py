@@ -181,7 +181,7 @@ def _arm_warnings(model: Model) -> tuple[Message, ...]:
             return (
                 MUSCLES.message(
                     "moment arms at the knee were not compared: two points of a path coincide",
-                    gravity="good to know",
+                    severity="good to know",
                 ),
             )
 
@@ -208,7 +208,7 @@ def _model_warnings(model: Model) -> list[Message]:
         result.append(
             MODEL.message(
                 "the bodies have no mass: inverse dynamics and tensions would be zero",
-                gravity="changes results",
+                severity="changes results",
             )
         )
     elif light:
@@ -222,7 +222,7 @@ def _model_warnings(model: Model) -> list[Message]:
                 MODEL.message(
                     f"the inertia of body '{body.name}' is not that of a real body:"
                     f" {np.round(moments, 6).tolist()}",
-                    gravity="may change results",
+                    severity="may change results",
                 )
             )
     for coordinate in model.coordinates:

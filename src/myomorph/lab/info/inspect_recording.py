@@ -40,7 +40,7 @@ def inspect_trial(trial: Trial, kind: str) -> Inspection:
     if trial.markers is not None:
         size = _marker_findings(trial.markers, facts, warnings)
     else:
-        warnings.append(FILE_SHAPE.message("no markers", gravity="good to know"))
+        warnings.append(FILE_SHAPE.message("no markers", severity="good to know"))
     if trial.other_points is not None:
         facts.append(
             (
@@ -104,7 +104,7 @@ def _marker_findings(
     facts += _gaps(markers, hidden)
     seen = np.flatnonzero(~hidden.all(axis=1))
     if not len(seen):
-        warnings.append(HIDDEN.message("no marker is ever seen", gravity="changes results"))
+        warnings.append(HIDDEN.message("no marker is ever seen", severity="changes results"))
         return float("nan")
     values = markers.values[seen]
     extent = np.nanmedian(np.nanmax(values, axis=1) - np.nanmin(values, axis=1), axis=0)
@@ -185,21 +185,21 @@ def _time_gaps(series: Series) -> list[Message]:
             READING.message(
                 f"the time step varies from {steps.min():.3g} to {steps.max():.3g} s: resample"
                 " before filtering",
-                gravity="may change results",
+                severity="may change results",
             )
         ]
     lines = [
         READING.message(
             f"{counted(round(steps[step] / median - 1), 'frame')} missing between"
             f" {series.time[step]:.4g} and {series.time[step + 1]:.4g} s",
-            gravity="may change results",
+            severity="may change results",
         )
         for step in wide[:3]
     ]
     return lines + (
         [
             READING.message(
-                f"frames are missing at {len(wide) - 3} more places", gravity="may change results"
+                f"frames are missing at {len(wide) - 3} more places", severity="may change results"
             )
         ]
         if len(wide) > 3
@@ -303,7 +303,7 @@ def _analog_findings(trial: Trial, facts: list[tuple[str, str]], warnings: list[
     if flat:
         warnings.append(
             FILE_SHAPE.message(
-                f"{len(flat)} analog channels never change: {listed(flat)}", gravity="good to know"
+                f"{len(flat)} analog channels never change: {listed(flat)}", severity="good to know"
             )
         )
 

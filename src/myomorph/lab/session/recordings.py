@@ -493,7 +493,7 @@ def _last_stage(files: list[Path], notes: list[Message]) -> list[Path]:
                 SESSION.message(
                     f"{kept[key][1].name} and {path.name} are stages of one recording: the last is"
                     " used",
-                    gravity="good to know",
+                    severity="good to know",
                 )
             )
         if key not in kept or stage > kept[key][0]:

@@ -164,13 +164,13 @@ def drawn_unseen(modes: Sequence[AssumedMode], time: Array, draw: Draw) -> Array
     """
     width = _width(time, SWAY_TIME)
     total = np.zeros((len(time), len(modes[0].shape) if modes else 1))
-    for mode in modes if draw.sources.unseen else ():
+    for mode in modes if draw.sources.untracked_coordinates else ():
         lasting = draw.normals.of(draw.number, "unseen", mode.name)[0]
         changing = draw.normals.process(
             draw.number, "unseen, changing", mode.name, Course(len(time), width, 1)
         )[:, 0]
         size = lasting * mode.lasting + changing * mode.changing
-        total += draw.sources.unseen * np.multiply.outer(size, mode.shape)
+        total += draw.sources.untracked_coordinates * np.multiply.outer(size, mode.shape)
     return total
 
 

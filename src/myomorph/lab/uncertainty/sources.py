@@ -24,7 +24,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     ),
     "placement": ("placement",),
     "sensors": ("sensor_noise", "sensor_mounting"),
-    "unseen": ("unseen",),
+    "untracked coordinates": ("untracked_coordinates",),
     "forces": ("plate_position", "plate_rotation", "plate_gain", "clock"),
     "contacts": ("contact_time", "contact_point"),
     "masses": ("body_mass", "segment_mass", "mass_center", "inertia"),
@@ -59,8 +59,8 @@ class Sources:
         as skin is [rad]
     sensor_mounting : of mountings and headings of inertial sensors, relative to what their
         calibration leaves open
-    unseen : of coordinates that no marker shows, relative to the standard deviation of what inverse
-        kinematics assumes of them
+    untracked_coordinates : of coordinates that no marker determines, relative to the standard
+        deviation that inverse kinematics states of its assumption
     plate_position : of a plate, along both horizontal axes [m] (Collins et al. 2009)
     plate_rotation : of a plate among the markers about each axis, which turns its forces [rad]:
         root mean square of the plates whose corners were surveyed in c3d.org's sample files
@@ -109,7 +109,7 @@ class Sources:
     placement: float = 0.005
     sensor_noise: float = 0.03
     sensor_mounting: float = 1.0
-    unseen: float = 1.0
+    untracked_coordinates: float = 1.0
     plate_position: float = 0.003
     plate_rotation: float = 0.0087
     plate_gain: float = 0.01

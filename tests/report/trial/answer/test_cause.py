@@ -1,4 +1,4 @@
-"""Causes on a page: the gravest first, with their places, and none lost."""
+"""Causes on a page: the most severe first, with their places, and none lost."""
 
 from __future__ import annotations
 

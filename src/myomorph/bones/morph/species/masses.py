@@ -117,7 +117,7 @@ def with_possible_inertias(
     note = MODEL.message(
         f"inertias of {len(changed)} bodies ({quoted(changed, 3)}) have radii of gyration longer"
         f" than their bones, up to {1e3 * most:.3g} mm: taken for those of boxes around the bones",
-        gravity="may change results",
+        severity="may change results",
     )
     return replace(model, bodies=bodies), (note,)
 

@@ -239,7 +239,7 @@ def _unexplained(found: Comparison) -> Finding:
     text = PLATES.message(
         f"the forces do not belong to the motion: residual forces and moments are {found.left:.1f}"
         " times their noise; no single fault explains it",
-        gravity="changes results",
+        severity="changes results",
     )
     return Finding(kind=NOT_ONE, place=max(places, key=len), text=text)
 
@@ -361,5 +361,5 @@ def _finding(best: Tried, rivals: list[Tried], left: float) -> Finding:
     return Finding(
         kind=" or ".join(kinds if sure else (NOT_ONE, *kinds)),
         place=best.hypothesis.place,
-        text=cause.message(told, size=best.size, gravity="changes results"),
+        text=cause.message(told, size=best.size, severity="changes results"),
     )

@@ -90,7 +90,7 @@ def _hum(name: str, force: Array, rate: float, weight: float) -> Iterator[Findin
             " low-pass filter takes it off, but where a foot comes and goes is less sharp; look at"
             " the plate's grounding",
             size=amplitude,
-            gravity="good to know",
+            severity="good to know",
         )
         yield Finding(HUM, name, text)
 

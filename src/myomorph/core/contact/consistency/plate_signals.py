@@ -139,7 +139,7 @@ def _dead(plate: _Plate, points: Array) -> Iterator[Finding]:
                 f"force '{plate.name}' never changes along {word}, though its plate is stepped on:"
                 " is this channel dead? Torques are wrong there; leave the plate out"
                 " (--plates, --bodies), or record it again",
-                gravity="changes results",
+                severity="changes results",
             )
             yield Finding(DEAD, plate.name, text)
 
@@ -158,7 +158,7 @@ def _clipped(plate: _Plate) -> Iterator[Finding]:
                     f"force '{plate.name}' stays at its {side} value along {word},"
                     f" {sign * values.max():.0f} N, {len(stays)} times: the plate's range was too"
                     " small, and torques are too small there; record it again with a larger one",
-                    gravity="changes results",
+                    severity="changes results",
                 )
                 yield Finding(CLIPPED, plate.name, text)
 
@@ -194,7 +194,7 @@ def _wrapped(plate: _Plate, vertical: int) -> Iterator[Finding]:
         text = PLATES.message(
             f"force '{plate.name}' leaps {len(leaps)} times by {size:.0f} N from one sample to the"
             " next: its numbers overflowed (a range of 16 bits?); export it again",
-            gravity="changes results",
+            severity="changes results",
         )
         yield Finding(WRAPPED, plate.name, text)
 
@@ -209,7 +209,7 @@ def _same(wrenches: Wrenches, forces: Array, numbers: NDArray[np.int64]) -> Iter
                 text = PLATES.message(
                     f"forces '{pair[0]}' and '{pair[1]}' are the same signal: one plate's channels"
                     " stand for both; export the recording again",
-                    gravity="changes results",
+                    severity="changes results",
                 )
                 for name in pair:
                     yield Finding(SAME, name, text)
@@ -230,6 +230,6 @@ def _lost(wrenches: Wrenches, forces: Array, weight: float, vertical: int) -> It
         text = CLOCKS.message(
             f"all forces leap by {leaps[at]:.0f} N at {time:.3f} s, under load: samples are lost"
             " there, and what follows is early against the motion; export the forces again",
-            gravity="changes results",
+            severity="changes results",
         )
         yield Finding(LOST, ", ".join(wrenches.names), text, times=((time, time),))

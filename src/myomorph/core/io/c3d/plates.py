@@ -193,7 +193,7 @@ def _plate_unit(corners: Array, meters: float, notes: list[Message]) -> float:
                 UNITS.message(
                     f"force plates would be {longest * meters:.3g} m long in the file's unit of"
                     f" length: their corners were taken as {unit}",
-                    gravity="may change results",
+                    severity="may change results",
                 )
             )
             return other
@@ -335,7 +335,7 @@ def _factors(
         notes.append(
             UNITS.message(
                 f"the channels of {parameters.name} are in '{texts}': taken as newtons",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     return factors

@@ -548,7 +548,7 @@ def _samples(
         remarks.append(
             READING.message(
                 f"the file ends early: it holds {frames} frames of {claimed}",
-                gravity="may change results",
+                severity="may change results",
             )
         )
     if frames <= 0:

@@ -324,7 +324,7 @@ def _full_labels(labels: list[str], descriptions: Sequence[str], notes: list[Mes
         LABELS.message(
             "the labels are cut to four letters and repeat: markers were named by their"
             " descriptions",
-            gravity="good to know",
+            severity="good to know",
         )
     )
     return full

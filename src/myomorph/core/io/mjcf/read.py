@@ -170,7 +170,7 @@ def _of_fibers(muscles: Sequence[Muscle]) -> tuple[Message, ...]:
             f" muscles, or their tendons shorter than 0 ({quoted(names, 3)}): the numbers of the"
             " file give their forces and no length of fibers, so none is reported, stretched or"
             " personalized",
-            gravity="good to know",
+            severity="good to know",
         ),
     )
 

@@ -21,7 +21,7 @@ from myomorph.core.io.parsing.xml import read_xml, with_colons
 from myomorph.core.model.arrays import Array
 from myomorph.core.model.causes import MODEL
 from myomorph.core.model.errors import BadFile
-from myomorph.core.model.messages import Gravity, Message
+from myomorph.core.model.messages import Message, Severity
 from myomorph.core.model.spatial import Transform
 
 OLDEST = 10901
@@ -66,16 +66,16 @@ class Document:
     defaults: dict[str, etree._Element] = field(default_factory=dict)
     warnings: list[Message] = field(default_factory=list)
 
-    def warn(self, line: str, gravity: Gravity | None = None) -> None:
+    def warn(self, line: str, severity: Severity | None = None) -> None:
         """Add a warning, once.
 
         Parameters
         ----------
         line : of text
-        gravity : of it, None for that of what a model's file holds
+        severity : of it, None for that of what a model's file holds
         """
         if line not in self.warnings:
-            known = line if isinstance(line, Message) else MODEL.message(line, gravity=gravity)
+            known = line if isinstance(line, Message) else MODEL.message(line, severity=severity)
             self.warnings.append(known)
 
 

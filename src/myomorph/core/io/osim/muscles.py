@@ -262,7 +262,7 @@ def write_muscle(
         warnings.append(
             MODEL.message(
                 f"muscles of kind '{kind}' are written as {FOREIGN}: their force will differ",
-                gravity="may change results",
+                severity="may change results",
             )
         )
         kind = FOREIGN

@@ -203,14 +203,14 @@ def write_path(
             MODEL.message(
                 "wraps of MuJoCo tendons cannot be written: their muscles run straight between"
                 " points",
-                gravity="may change results",
+                severity="may change results",
             )
         )
     if any(divisor != 1.0 for divisor in way.divisors):
         warnings.append(
             MODEL.message(
                 "pulleys of MuJoCo tendons cannot be written: their muscles' lengths will differ",
-                gravity="may change results",
+                severity="may change results",
             )
         )
     names: set[str] = set()

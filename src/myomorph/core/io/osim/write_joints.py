@@ -195,7 +195,7 @@ def _chain(joint: Joint, plan: Plan, warnings: list[Message]) -> None:
             MODEL.message(
                 f"joint '{joint.name}': an axis of two coordinates cannot be written, and does not"
                 " move",
-                gravity="may change results",
+                severity="may change results",
             )
         )
     last = len(groups) - 1

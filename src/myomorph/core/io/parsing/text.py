@@ -308,7 +308,7 @@ def without_far_away(positions: Array, notes: list[Message]) -> Array:
             HIDDEN.message(
                 f"{np.count_nonzero(far)} positions are farther than {MAX_DISTANCE / 1000:.0f} km:"
                 " taken as hidden",
-                gravity="good to know",
+                severity="good to know",
             )
         )
         positions = np.where(far[..., None], np.nan, positions)

@@ -92,7 +92,7 @@ def _message(name: str, spans: list[Span], share: float) -> Message:
         place=name,
         times=spans,
         share=share,
-        gravity="changes results",
+        severity="changes results",
     )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.message_groups import grouped_messages
-from myomorph.core.model.messages import Gravity
+from myomorph.core.model.messages import Severity
 from myomorph.lab.analysis.conditions import OUTLIER_SCORE, Condition
 from myomorph.lab.analysis.groups import Comparison
 from myomorph.lab.report.charts.axis import number
@@ -167,17 +167,17 @@ def _changes(study: StudyInput) -> list[Section]:
 
 
 def _causes(study: StudyInput) -> list[Section]:
-    """Warnings of all trials by their cause, the gravest first."""
-    trials: dict[tuple[Gravity, str], list[str]] = {}
+    """Warnings of all trials by their cause, the most severe first."""
+    trials: dict[tuple[Severity, str], list[str]] = {}
     for trial, messages in study.messages:
-        for message in dict.fromkeys((each.gravity, each.cause_title) for each in messages):
+        for message in dict.fromkeys((each.severity, each.cause_title) for each in messages):
             trials.setdefault(message, []).append(trial)
     groups = grouped_messages(message for _, messages in study.messages for message in messages)
     rows = tuple(
         (
-            group.gravity,
+            group.severity,
             group.cause.title,
-            _named(trials[group.gravity, group.cause.title]),
+            _named(trials[group.severity, group.cause.title]),
             group.messages[0].text,
             f"{group.cause.effect} {group.cause.remedy}".strip(),
         )

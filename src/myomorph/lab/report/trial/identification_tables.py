@@ -243,8 +243,8 @@ def link_sheet(identification: Identification) -> Sheet:
         "side",
         "share from the data",
         "mass [kg]",
-        "least eigenvalue of the pseudo-inertia",
-        "possible",
+        "smallest eigenvalue of the pseudo-inertia",
+        "physically consistent",
         "reason",
         "parameters from the shape",
     )

@@ -257,7 +257,7 @@ def _lead(prepared: Prepared, found: JointLoads) -> str:
     causes = dict.fromkeys(
         warning.cause_title
         for warning in prepared.results.head.warnings
-        if warning.gravity != "good to know" and LOADS & set(warning.cause.quantities)
+        if warning.severity != "good to know" and LOADS & set(warning.cause.quantities)
     )
     if causes:
         text += f" Caution, see the warnings: {'; '.join(causes)}."

@@ -27,7 +27,7 @@ def opened(settings: Assumed, opening: Opening) -> Opened:
     return Opened(
         assumed=tuple(text for text in settings.assumed if text not in warnings),
         warnings=tuple(
-            SESSION.message(text.removeprefix(WARNING), gravity="changes results")
+            SESSION.message(text.removeprefix(WARNING), severity="changes results")
             for text in warnings
         ),
     )

@@ -154,7 +154,7 @@ def _from_raw(
         emg=emg,
         muscles=muscles,
         notes=(
-            EMG.message(made, gravity="good to know"),
+            EMG.message(made, severity="good to know"),
             *summarized((fault.kind, fault.message) for fault in faults),
         ),
         maxima=FrozenMap(dict.fromkeys(emg.names, 1.0) if reference else {}),
@@ -277,7 +277,7 @@ def _as_envelopes(
         notes.append(
             EMG.message(
                 f"{name}: envelopes scaled to maximum voluntary contractions",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     elif peak > emg_checks.BEYOND_ONE:

@@ -41,7 +41,7 @@ def _open(settings: Phases, opening: Opening) -> Opened:
         SETTINGS.message(
             f"phase '{name}' is specified from {first:g} to {last:g} s, the recording lasts from"
             f" {start:g} to {stop:g} s",
-            gravity="may change results",
+            severity="may change results",
         )
         for name, (first, last) in settings.phases.items()
         if last <= start or first >= stop

@@ -136,7 +136,7 @@ def _carried(wrenches: Wrenches, warnings: Sequence[Message]) -> Wrenches:
     findings = wrenches.findings
     if idle:
         text = PLATES.message(
-            f"{idle} not loaded during the motion: left out", gravity="good to know"
+            f"{idle} not loaded during the motion: left out", severity="good to know"
         )
         findings = (*findings, Finding("idle plate", idle, text, repaired=True))
         warnings = (*warnings, text)

@@ -170,10 +170,10 @@ def length_rows(calibration: Calibration) -> list[dict[str, object]]:
             "factor": length.factor,
             "factor_sd": length.sd,
             "generic_m": length.generic,
-            "found_m": length.value,
-            "found_sd_m": length.length.extent * length.sd,
+            "calibrated_m": length.value,
+            "calibrated_sd_m": length.length.extent * length.sd,
             "joint_to_joint": length.length.along and length.length.between_joints,
-            "shown": length.shown,
+            "identifiable": length.shown,
         }
         for length in calibration.lengths
     ]
@@ -210,8 +210,8 @@ def zero_rows(calibration: Calibration) -> list[dict[str, object]]:
         {
             "coordinate": angle.coordinate,
             "offset_deg": float(np.degrees(angle.offset)),
-            "lowest_deg": float(np.degrees(angle.interval[0])),
-            "highest_deg": float(np.degrees(angle.interval[1])),
+            "low_deg": float(np.degrees(angle.interval[0])),
+            "high_deg": float(np.degrees(angle.interval[1])),
             "sd_deg": float(np.degrees(angle.sd)),
             "fixed_by": angle.source,
             **{f"share_{name.replace(' ', '_')}": angle.shares[name] for name in SOURCES},

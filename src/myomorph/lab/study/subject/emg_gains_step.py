@@ -146,7 +146,7 @@ def _run(subject: SubjectInputs, output: FolderOutput) -> None:
         write_gains(gains, folder / GAINS)
         write_channels(gains.calibration, muscles, folder / CHANNEL_TABLE)
         rows = ((name, "no" if why else "yes", why) for name, why in parts.items())
-        write_csv(folder / TRIALS, ("trial", "takes part", "why not"), rows)
+        write_csv(folder / TRIALS, ("trial", "used", "reason"), rows)
 
 
 STEP = Step(

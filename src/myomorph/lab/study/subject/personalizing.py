@@ -253,7 +253,7 @@ def estimate_rows(personalized: Personalized) -> list[dict[str, object]]:
     """Return a row for every parameter."""
     return [
         {
-            "of": estimate.of,
+            "muscle or group": estimate.of,
             "parameter": estimate.parameter.replace("_", " "),
             "generic": estimate.generic,
             "person": estimate.person,
@@ -261,8 +261,8 @@ def estimate_rows(personalized: Personalized) -> list[dict[str, object]]:
             "high": estimate.high,
             "variance ratio": estimate.variance_ratio,
             "identifiable": estimate.identifiable,
-            "bound": estimate.bound,
-            "generic kept": estimate.kept,
+            "at bound": estimate.bound,
+            "keeps generic value": estimate.kept,
         }
         for estimate in personalized.estimates
     ]
@@ -276,10 +276,10 @@ def fiber_rows(personalized: Personalized) -> list[dict[str, object]]:
     return [
         {
             "muscle": name,
-            "least, generic": personalized.before[m, 0],
-            "greatest, generic": personalized.before[m, 1],
-            "least, person": personalized.after[m, 0],
-            "greatest, person": personalized.after[m, 1],
+            "minimum, generic [optimal fiber length]": personalized.before[m, 0],
+            "maximum, generic [optimal fiber length]": personalized.before[m, 1],
+            "minimum, person [optimal fiber length]": personalized.after[m, 0],
+            "maximum, person [optimal fiber length]": personalized.after[m, 1],
         }
         for m, name in enumerate(personalized.model.muscle_names)
     ]
@@ -292,7 +292,11 @@ def held_out_rows(personalized: Personalized) -> list[dict[str, object]]:
     """
     assert personalized.held_out is not None
     return [
-        {"coordinate": name, "left, generic [N m or N]": before, "left, person [N m or N]": after}
+        {
+            "coordinate": name,
+            "RMS residual torque, generic [N m or N]": before,
+            "RMS residual torque, person [N m or N]": after,
+        }
         for name, before, after in zip(
             personalized.coordinates,
             personalized.held_out.left_generic,

@@ -231,7 +231,7 @@ def clock_rows(refinement: Refinement) -> Rows:
             "offset_s": clock.offset.value,
             "low_s": clock.offset.low,
             "high_s": clock.offset.high,
-            "shown": "yes" if clock.shown else "no",
+            "identifiable": "yes" if clock.shown else "no",
         }
         for clock in refinement.clocks
     ]

@@ -144,7 +144,7 @@ def slow_messages(recorded: Motion) -> tuple[Message, ...]:
         f"the frames of the motion are {step:.3g} s apart: are its times in milliseconds? Times are"
         " in seconds; velocities and accelerations follow them"
     )
-    return (RATES.message(text, gravity="may change results"),)
+    return (RATES.message(text, severity="may change results"),)
 
 
 def gap_messages(smoothed: SmoothedMotion) -> tuple[Message, ...]:
@@ -154,7 +154,7 @@ def gap_messages(smoothed: SmoothedMotion) -> tuple[Message, ...]:
     if smoothed.bridged.any():
         text = f"{counted(int(smoothed.bridged.sum()), 'frame')} without a pose bridged"
         times = spans(time, runs(smoothed.bridged))
-        messages.append(HIDDEN.message(text, times=times, gravity="good to know"))
+        messages.append(HIDDEN.message(text, times=times, severity="good to know"))
     # The ends of a recording are such in every one.
     inside = [
         (start, stop) for start, stop in runs(smoothed.uncertain) if start > 0 and stop < len(time)
@@ -162,7 +162,7 @@ def gap_messages(smoothed: SmoothedMotion) -> tuple[Message, ...]:
     if inside:
         frames = sum(stop - start for start, stop in inside)
         text = f"beside gaps the accelerations of {counted(frames, 'frame')} are less certain"
-        messages.append(HIDDEN.message(text, times=spans(time, inside), gravity="good to know"))
+        messages.append(HIDDEN.message(text, times=spans(time, inside), severity="good to know"))
     return tuple(messages)
 
 

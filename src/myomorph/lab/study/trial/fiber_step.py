@@ -190,7 +190,7 @@ def fiber_notes(tension: Tension) -> tuple[Message, ...]:
                 f" between {first:.3f} and {last:.3f} s (residual"
                 f" {fibers.certificate.residual:.2g}): forces and fibers there are not reliable;"
                 " try frames at 100 Hz, or rigid tendons",
-                gravity="changes results",
+                severity="changes results",
             )
         )
     for fiber in fibers.unreachable[:MAX_NAMED]:
@@ -217,7 +217,7 @@ def fiber_notes(tension: Tension) -> tuple[Message, ...]:
                 f"one in {every} frames was solved ({MAX_RATE:.0f} a second at most); activations"
                 " between them are interpolated, and forces so too, changed as little as balances"
                 " the torques",
-                gravity="good to know",
+                severity="good to know",
             )
         )
     if fibers.bridged.any():

@@ -90,7 +90,7 @@ def lift_off_notes(contacts: JointContactForces, half: dict[str, float]) -> tupl
                     " loaded joint would have to pull; it lifts off, and a moment of up to"
                     f" {moment[worst]:.1f} N m is left (at {contacts.time[worst]:.2f} s,"
                     f" {up or 'none'} off)",
-                    gravity="good to know" if bad.mean() < RARE else None,
+                    severity="good to know" if bad.mean() < RARE else None,
                 )
             )
         pulled = pull > LOADED * contacts.weight

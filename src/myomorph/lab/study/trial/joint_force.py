@@ -85,7 +85,7 @@ def carried_tension(
         times=spans_of(tension.time, lost),
         share=share,
         # Frames without numbers change none, as long as most have them.
-        gravity="good to know" if share < FEW_LEFT_OUT else None,
+        severity="good to know" if share < FEW_LEFT_OUT else None,
     )
     return without_frames(tension, lost), (note,)
 

@@ -58,7 +58,7 @@ class TrialResult:
     markers, emg : as recorded and used
     model : that the results were made with
     steps : strides of the motion, None where it is no walk
-    causes : messages by their cause, the gravest first
+    causes : messages by their cause, the most severe first
     """
 
     path: Path
@@ -83,7 +83,7 @@ class TrialResult:
 
     @cached_property
     def causes(self) -> tuple[CauseGroup, ...]:
-        """What may be wrong, by cause, the gravest first, as on the trial's page."""
+        """What may be wrong, by cause, the most severe first, as on the trial's page."""
         from myomorph.lab.study.trial.reporting import report_input
 
         return grouped_messages(report_input(self.stored, self.model, drawn=False).head.warnings)

@@ -1,4 +1,4 @@
-"""The table of a trial's messages: cause, gravity, place, size, effect and remedy of each."""
+"""The table of a trial's messages: cause, severity, place, size, effect and remedy of each."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ from myomorph.core.model.messages import Cause, Message
 
 HEAD = tuple(quantity.column for quantity in QUANTITIES)
 """Columns of the table."""
+FORMER = {"severity": "gravity", "quantities": "touches"}
+"""Names that columns had in tables of version 0.1."""
 
 
 def write_messages(path: Path, messages: Iterable[str]) -> None:
-    """Write a row for each message, the gravest cause first."""
+    """Write a row for each message, the most severe cause first."""
     rows = (
         [_cell(quantity.of(message)) for quantity in QUANTITIES]
         for group in grouped_messages(messages)
@@ -41,15 +43,20 @@ def read_messages(path: Path) -> tuple[Message, ...]:
         return tuple(map(_message, csv_records(stream)))
 
 
+def _cell_of(row: Mapping[str, str], column: str) -> str:
+    """Return a cell by its column, which tables of version 0.1 may call otherwise."""
+    return row[column if column in row else FORMER[column]]
+
+
 def _message(row: Mapping[str, str]) -> Message:
     """Make a message of its row; of its stretches the first and last time are known."""
     cause = Cause(
         key=row["cause_name"],
         title=row["cause_title"],
-        gravity=row["gravity"],  # type: ignore[arg-type]
+        severity=_cell_of(row, "severity"),  # type: ignore[arg-type]
         effect=row["effect"],
         remedy=row["remedy"],
-        quantities=tuple(row["touches"].split()),
+        quantities=tuple(_cell_of(row, "quantities").split()),
     )
     known = row["start_s"] and row["stop_s"]
     return cause.message(

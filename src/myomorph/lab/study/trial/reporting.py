@@ -18,12 +18,12 @@ from myomorph.core.io.parsing.text import write_csv, written
 from myomorph.core.model.causes import WEIGHT
 from myomorph.core.model.errors import BadData, BadFile
 from myomorph.core.model.frozen_map import FrozenMap
-from myomorph.core.model.gravity import FORCE_ERROR, gravity_of
 from myomorph.core.model.join import join_models
 from myomorph.core.model.messages import Message, messages_of
 from myomorph.core.model.model import Model
 from myomorph.core.model.provenance import Provenance, Source
 from myomorph.core.model.series_quantities import COORDINATE_VALUE
+from myomorph.core.model.severity import FORCE_ERROR, severity_of
 from myomorph.core.model.surface import Surface
 from myomorph.core.rigid.quantities import GENERALIZED_FORCE
 from myomorph.core.tension.quantities import ACTIVATION
@@ -432,6 +432,6 @@ def _mass_warning(mass: str, model: Model) -> list[Message]:
             f"the subject weighs {float(mass):g} kg, but the model {model.mass:.4g} kg: torques"
             " belong to the model's mass",
             size=difference,
-            gravity=gravity_of(difference, 100.0 * FORCE_ERROR),
+            severity=severity_of(difference, 100.0 * FORCE_ERROR),
         )
     ]

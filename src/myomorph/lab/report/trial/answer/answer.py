@@ -26,7 +26,7 @@ class Answer:
     ----------
     result : sentence, curves and poses of the movement; None where nothing moves
     judgement : what may be used, and why
-    causes : messages of all steps by their cause, the gravest first
+    causes : messages of all steps by their cause, the most severe first
     facts : who, when, which movement, measured by what
     busiest : of each pose the most active muscle with its activation, as "soleus 41 %"; "" where
         none is known

@@ -11,7 +11,7 @@ from myomorph.core.model.causes import FEET_BESIDE
 from myomorph.core.model.errors import counted
 from myomorph.core.model.frozen_map import FrozenMap
 from myomorph.core.model.message_groups import CauseGroup
-from myomorph.core.model.messages import Gravity, Message, Span
+from myomorph.core.model.messages import Message, Severity, Span
 from myomorph.lab.report.scene.scene import Acting, make_scene
 from myomorph.lab.report.trial.answer.answer import Answer
 from myomorph.lab.report.trial.answer.answer_chart import answer_chart
@@ -35,7 +35,7 @@ STYLES: Mapping[Use, str] = FrozenMap(
     }
 )
 """Class of the style sheet of each verdict."""
-GRAVE: Mapping[Gravity, str] = FrozenMap(
+SEVERITY_CLASSES: Mapping[Severity, str] = FrozenMap(
     {
         "changes results": "unusable",
         "may change results": "partly",
@@ -109,9 +109,9 @@ class FirstScreen:
     @property
     def causes_note(self) -> str:
         """Number of causes, and of what is good to know, beside the section's title."""
-        grave = counted(len(self.warnings), "cause") if self.warnings else "none"
+        serious = counted(len(self.warnings), "cause") if self.warnings else "none"
         known = f"; {len(self.known)} good to know" if self.known else ""
-        return f"{grave}{known}"
+        return f"{serious}{known}"
 
     def strip(self, group: CauseGroup) -> str:
         """Draw when a cause acts over the time of the trial; "" where it acts throughout."""
@@ -120,9 +120,9 @@ class FirstScreen:
         return time_strip(group.spans, self.span)
 
     @staticmethod
-    def grave(gravity: Gravity) -> str:
+    def css_class(severity: Severity) -> str:
         """Class of the style sheet of a cause."""
-        return GRAVE[gravity]
+        return SEVERITY_CLASSES[severity]
 
 
 def first_screen(prepared: Prepared, answer: Answer) -> FirstScreen:

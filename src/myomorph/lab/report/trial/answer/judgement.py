@@ -75,7 +75,7 @@ PLAIN: Mapping[Quantity, str] = FrozenMap(
 
 @dataclass(frozen=True)
 class Judgement:
-    """What may be used, and the gravest reason with its number and limit."""
+    """What may be used, and the most severe reason with its number and limit."""
 
     use: Use
     reason: str
@@ -109,10 +109,10 @@ def _counted(prepared: Prepared) -> str:
 
 def _nothing(prepared: Prepared) -> Judgement | None:
     """Whether not even angles hold, and why."""
-    loops = _gravest(prepared, OF_LOOPS)
+    loops = _most_severe(prepared, OF_LOOPS)
     if loops is not None:
         return Judgement("nothing", _reason(loops))
-    frames = _gravest(prepared, OF_FRAMES)
+    frames = _most_severe(prepared, OF_FRAMES)
     share = float(np.mean(missed_frames(prepared)))
     if frames is not None and share > MOST_FRAMES:
         many = f"{100.0 * share:.0f}{NO_BREAK}%"
@@ -153,7 +153,7 @@ def _of_torques(prepared: Prepared, causes: Sequence[CauseGroup]) -> tuple[Use, 
         return "angles", f"No plate measured the load of a foot in {share} of the time."
     if any(cause.cause.key == CONTACTS_OPEN.key for cause in causes):
         return "angles", "The forces of some contacts are undetermined."
-    check = _gravest(prepared, OF_TORQUES)
+    check = _most_severe(prepared, OF_TORQUES)
     return None if check is None else ("angles", _reason(check))
 
 
@@ -161,7 +161,7 @@ def _of_muscles(prepared: Prepared) -> tuple[Use, str] | None:
     """Why muscles do not hold although torques do, None where they do."""
     if prepared.results.tension is None:
         return "angles and torques", "Muscle tensions were not computed."
-    check = _gravest(prepared, OF_MUSCLES)
+    check = _most_severe(prepared, OF_MUSCLES)
     return None if check is None else ("angles and torques", _reason(check))
 
 
@@ -194,7 +194,7 @@ def _exception(prepared: Prepared) -> str:
     return f" Not {times_text(spans_of(fit.motion.time, missed))}: markers miss the body there."
 
 
-def _gravest(prepared: Prepared, quantities: tuple[Quantity, ...]) -> Verdict | None:
+def _most_severe(prepared: Prepared, quantities: tuple[Quantity, ...]) -> Verdict | None:
     """Of some checks the one that is most times its limit; None where all passed."""
     over = [
         check

@@ -69,7 +69,7 @@ from myomorph.lab.uncertainty.sources import GROUPS, Sources
 Held = TypeVar("Held", Markers, Motion)
 FAILURES = (MyomorphError, ArithmeticError, ValueError, np.linalg.LinAlgError)
 """What a draw may end in that has no solution."""
-MOVED = ("markers", "placement", "sensors", "unseen", "joints")
+MOVED = ("markers", "placement", "sensors", "untracked coordinates", "joints")
 LOADED = ("forces", "masses", "filter")
 """Groups of sources that change the motion, and those that change the torques of the same motion.
 """
@@ -165,7 +165,7 @@ class Chain:
         acting = {
             "placement": marked,
             "sensors": self.sensors is not None,
-            "unseen": bool(self.modes),
+            "untracked coordinates": bool(self.modes),
             "joints": self.markers is not None or forced,
             "forces": forced and self.loads is not None,
             "masses": forced,

@@ -11,7 +11,6 @@ import numpy as np
 from myomorph.core.io.sto import write_sto
 from myomorph.core.model.causes import FILTER, SETTINGS
 from myomorph.core.model.findings import messages_of_findings
-from myomorph.core.model.gravity import gravity_of
 from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.motion_errors import MotionErrors
@@ -24,6 +23,7 @@ from myomorph.core.model.series_quantities import (
     MOTION_ERRORS,
     WRENCHES,
 )
+from myomorph.core.model.severity import severity_of
 from myomorph.core.model.soft_tissue import SoftTissue
 from myomorph.core.motion.sync import cut, resample_wrenches, torques_at
 from myomorph.core.motion.turns import floating_coordinates
@@ -270,7 +270,7 @@ def _run(trial: TrialInputs, output: StepOutput, poses: Poses) -> Torques:
             f"double the automatic cutoff changes the largest joint torque by {change:+.0f} %: see"
             " --cutoff",
             size=change,
-            gravity=gravity_of(change, 100.0 * MAX_EFFECT),
+            severity=severity_of(change, 100.0 * MAX_EFFECT),
         )
         dynamics = replace(dynamics, notes=(*dynamics.notes, text))
     write_sto(
