@@ -31,25 +31,27 @@ class TargetFlags:
 
     Attributes
     ----------
-    bones : folder of the target's bones: one file a body, BODY.obj, .stl, .ply or .vtp
-    landmarks : pairs of points (.csv): body, name, source_x, source_y, source_z, target_x, ... [m]
-    geometry : folder of the source model's own meshes, where they do not lie beside it
-    skin : closed surface of the target's skin, which masses are taken from
-    mass : mass of the target [kg]
-    unit : unit of the target's bones and skin
-    together : the bones share one frame, as a scan shows them: joints must meet
-    mirror : the other side's bones, or with --target muscles, are this side's mirrored
-    across : axis of ground across the source's plane of symmetry, for --mirror
-    link : a body without a bone on which muscles branch, and the bones that carry it:
-        LINK=BONE,BONE
-    species : instead of bones: which bones correspond to those of another species, a name or .toml
-        file
-    target : model of the other species' skeleton, whose joints and masses stay
-    target_geometry : folder of the skeleton's meshes, where they do not lie beside it
-    beside : keep the muscles that the skeleton has
-    protocol : with --target, whose recordings the model shall follow: a marker table of the species
-    postures : with --target, motions of the animal (.mot, .sto): tendons and fibers follow its own
-        postures
+    bones : folder of the target's bones, one mesh per body: BODY.obj, .stl, .ply or .vtp
+    landmarks : pairs of corresponding points (.csv: body, name, source_x, source_y, source_z,
+        target_x, ... [m])
+    geometry : folder of the source model's meshes, if they are not next to the model
+    skin : closed surface of the target's skin, which determines its masses
+    mass : body mass of the target [kg]
+    unit : length unit of the target's bones and skin
+    together : the target's bones share one frame, as in one scan, so their joints must meet
+    mirror : mirror this side to obtain the bones, or with --target the muscles, of the other side
+    across : axis of ground perpendicular to the source's plane of symmetry, for --mirror
+    link : LINK=BONE,BONE: a body without a bone on which muscles branch, and the bones that
+        determine its position
+    species : correspondence of bones between two species (a name or a .toml file), instead of
+        --bones
+    target : model of the other species' skeleton, which keeps its joints and masses
+    target_geometry : folder of the skeleton's meshes, if they are not next to the model
+    beside : keep the muscles that the skeleton already has
+    protocol : with --target, marker table of the species, whose recordings the model can then
+        follow
+    postures : with --target, motions of the animal (.mot, .sto), to whose postures tendons and
+        fibers are adapted
     """
 
     bones: Path | None = None
@@ -144,7 +146,10 @@ SourceModel = Annotated[
     ),
 ]
 MorphedModel = Annotated[
-    Path, Parameter(help="Model to write (.osim); bones, tables and report stand beside it.")
+    Path,
+    Parameter(
+        help="Model to write (.osim); bones, tables and a report go into folders next to it."
+    ),
 ]
 
 

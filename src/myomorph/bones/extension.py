@@ -6,7 +6,7 @@ EXTENSION = Extension(
     commands={
         "morph": CommandEntry(
             function="myomorph.bones.command:morph_command",
-            help="A model's muscles in other bones: those of a subject or of another species.",
+            help="Transfer muscles to other bones: those of a subject or of another species.",
             example=(
                 "myomorph morph --source generic.osim --bones scan --landmarks pairs.csv --out"
                 " subject.osim"

@@ -27,12 +27,13 @@ def export_command(
     Parameters
     ----------
     source : with --mjcf a model (.osim or .xml), or one of myo-sim by name (myo-sim:myoarm); with
-        --bids the folder of results that run or another command wrote
-    mjcf : file of MuJoCo to write (.xml); meshes and tables (what differs, the muscles' curves) go
-        beside it
-    bids : folder to make: recordings and results as a dataset of BIDS (motion, EMG)
-    geometry : folder of the model's meshes; those beside its file and in Geometry there by default
-    motion : with --mjcf, coordinates (.mot, .sto) along which lengths of muscles are compared too
+        --bids a folder of results
+    mjcf : MuJoCo file to write (.xml); meshes and tables (differences, muscle curves) go into a
+        folder next to it
+    bids : BIDS dataset to write: a folder of recordings and results (motion, EMG)
+    geometry : folder of the model's meshes; by default those next to the model and in its folder
+        Geometry
+    motion : with --mjcf, coordinates (.mot, .sto) along which muscle lengths are compared, too
     """
     from myomorph.core.model.errors import BadData
 
@@ -82,7 +83,7 @@ def run_tool_command(setup: Path, /, *, threads: Threads = None) -> int:
     Parameters
     ----------
     setup : OpenSim setup file (.xml) of one of the four tools
-    threads : to use; all cores by default
+    threads : number of threads; all cores by default
     """
     from myomorph.exchange.opensim.run import run_tool
 

@@ -46,25 +46,25 @@ class CaseFlags:
 
     Attributes
     ----------
-    start : motion (.mot, .sto) whose first frame is where the body begins; the model's default
-        pose by default
-    activations : of muscles over time (.sto), as 'myomorph tension' writes them; without, and
-        without torques, muscles are at rest
-    excitations : of muscles over time (.sto), which activations follow
-    torques : of joints over time (.sto), as 'myomorph id' writes them; they hold what muscles and
-        passive tissue do, which take no part then
-    reserves : forces of reserves and residuals over time (.sto), as 'myomorph tension' writes them,
-        that act beside --activations
-    loads : external forces on the body of the motion
-    contacts : auto for compliant spheres under the feet, which touch a floor; none
+    start : motion (.mot, .sto) whose first frame is the initial state; by default the model's
+        default pose at rest
+    activations : muscle activations over time (.sto), as 'myomorph tension' writes them; without
+        them and without torques muscles are at rest
+    excitations : muscle excitations over time (.sto), which activations follow
+    torques : joint torques over time (.sto), as 'myomorph id' writes them, which replace muscles
+        and passive tissue
+    reserves : forces of reserve and residual actuators over time (.sto), as 'myomorph tension'
+        writes them, in addition to --activations
+    loads : external forces of the motion
+    contacts : auto for compliant spheres under the feet that touch a floor, or none
     floor : height of the floor [m]
-    time : part of the motion, begin and end [s]
-    cutoff : low-pass of the motion and the external forces [Hz], as torques were found with; 0 for
-        none
-    follow : natural frequency of a feedback that keeps the body at the motion [Hz]; its size is
-        reported
-    weaker : MUSCLE=FACTOR ...: strength of muscles, as soleus_r=0.5
-    mass : BODY=FACTOR ...: mass of bodies, as torso=1.2
+    time : START END [s]: part of the motion that is used
+    cutoff : cutoff frequency of the low-pass filter of the motion and the external forces [Hz], the
+        one with which the torques were computed; 0 for none
+    follow : natural frequency of a feedback that makes the body follow the motion [Hz]; its forces
+        are reported; 0 for none
+    weaker : MUSCLE=FACTOR ...: factors of muscle strength, for example soleus_r=0.5
+    mass : BODY=FACTOR ...: factors of the mass of bodies, for example torso=1.2
     viscosity : factor of all damping of joints, bushings and muscles
     """
 

@@ -9,7 +9,7 @@ EXTENSION = Extension(
         "simulate": CommandEntry(
             function="myomorph.forward.command:simulate_command",
             help=(
-                "How a body moves under its muscles, torques, passive forces and contacts, and what"
+                "Forward dynamics under muscles, torques, passive forces and contacts, and what"
                 " if it were weaker, heavier or more viscous."
             ),
             example="myomorph simulate --model arm.osim --seconds 1 --out fall",

@@ -56,16 +56,17 @@ class SimulationOptions:
 
     Attributes
     ----------
-    seconds : how long [s]; by default as long as what drives or is followed, else 1 s
-    rate : frames a second that are kept [Hz]
-    tolerance : largest error of a step, of angles [rad], positions [m], their rates and
-        activations, and of fiber lengths by the optimal one; relative where a state is above 1
-    max_step : longest step [s]
-    max_steps : steps after which a run gives up
-    tendons : whether tendons stretch
-    passive : whether the muscles' passive elastic forces take part; by default as in the tensions
-        whose activations drive the body, where the command finds their result, else they do
-    certify : run again with half the tolerance, and say by how much the motion differs
+    seconds : duration [s]; by default that of the inputs or of the motion that is followed, else 1
+        s
+    rate : output rate [Hz]
+    tolerance : error tolerance of a step, for angles [rad], positions [m], their rates, activations
+        and normalized fiber lengths; relative for states above 1
+    max_step : maximum step [s]
+    max_steps : maximum number of steps
+    tendons : tendon model: "rigid" or "elastic"
+    passive : include the muscles' passive elastic forces; by default as in the tensions whose
+        activations are used, if their result is found, else yes
+    certify : repeat the simulation with half the tolerance, and report how much the motion differs
     """
 
     seconds: float | None = None

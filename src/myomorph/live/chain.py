@@ -47,13 +47,14 @@ class ChainOptions:
 
     Attributes
     ----------
-    cutoff : half power of the filter of coordinates and forces; its delay is 0.336 / cutoff [Hz];
-        by default 12 Hz for running and jumping, else 6 Hz
-    movement : that is to come, which decides the filter where no cutoff is stated
-    blend : time constant with which the jump of a lost or found marker is given back [s]
-    max_age : frames older than that are dropped, the oldest first, so that nothing piles up [s]
-    joint_load : weight of the squared force that knees transmit, in body weights, beside the effort
-        of muscles; 0 for none; by default that of 'myomorph tension'
+    cutoff : half-power frequency of the filter of coordinates and forces [Hz], whose delay is 0.336
+        / cutoff; by default 12 Hz for running and jumping, else 6 Hz
+    movement : kind of movement, which determines the filter if no cutoff is given
+    blend : time constant with which the jump at a lost or found marker decays [s]
+    max_age : maximum age of a frame [s]; older frames are dropped, so that the latency stays
+        bounded
+    joint_load : weight of the squared knee contact force, in body weights, relative to the effort
+        of one muscle; 0 for none; by default that of 'myomorph tension'
     """
 
     cutoff: float | None = None
@@ -214,7 +215,8 @@ class LiveChain:
     Attributes
     ----------
     filter_delay : how much older torques and tensions are than their frame [s]
-    max_age : frames older than that are dropped [s]
+    max_age : maximum age of a frame [s]; older frames are dropped, so that the latency stays
+        bounded
     bodies : that external forces act on
     """
 

@@ -37,14 +37,15 @@ class FrameOptions:
     Attributes
     ----------
     model : OpenSim (.osim) or MuJoCo (.xml) model
-    markers : recording to play: markers (.trc, .c3d), or coordinates (.mot, .sto)
-    loads : its external forces: an OpenSim external loads file (.xml), or a table of plates (.mot),
-        each given to the foot that is nearest. A C3D file's own plates by default
-    speed : of the recording, times real time; 0 as fast as it goes
-    lsl_markers : stream of markers of the Lab Streaming Layer
-    lsl_imu : stream of orientations of inertial sensors; --imu plays a recording of them
-    lsl_forces : stream of forces of the Lab Streaming Layer
-    up : vertical axis of the streams' laboratory; the model's is y
+    markers : recording that is played: markers (.trc, .c3d) or coordinates (.mot, .sto)
+    loads : external forces of the recording: an OpenSim external loads file (.xml), or a table of
+        plates (.mot), each on the nearest foot; by default the plates of a C3D file
+    speed : playback speed relative to real time; 0 for as fast as possible
+    lsl_markers : name of the marker stream in the Lab Streaming Layer
+    lsl_imu : name of the stream of inertial sensor orientations in the Lab Streaming Layer; --imu
+        plays a recording instead
+    lsl_forces : name of the force stream in the Lab Streaming Layer
+    up : vertical axis of the streams; the model's is y
     """
 
     model: Path | None = None
@@ -64,10 +65,10 @@ class OutputOptions:
 
     Attributes
     ----------
-    web : port of a web page on this machine that shows the body
-    lsl_out : send coordinates, torques and activations as a stream of this name
-    out : folder for tables of all frames, and of how late each of them was
-    recover : folder of a session that was killed: write its results from the log that is left
+    web : port of a local web page that shows the body
+    lsl_out : name of an output stream of coordinates, torques and activations
+    out : folder for tables of all frames and of their latency
+    recover : folder of an interrupted session, whose results are written from its log
     """
 
     web: int | None = None

@@ -35,7 +35,7 @@ EXTENSION = Extension(
     },
     motion_sources={
         "live": MotionSource(
-            help="show the estimate while frames arrive, from the files or streams",
+            help="show the estimate while frames arrive from files or streams",
             options="myomorph.live.identification:LiveOptions",
             open="myomorph.live.identification:live_motions",
         )

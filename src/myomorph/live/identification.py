@@ -49,10 +49,10 @@ class LiveOptions:
 
     Attributes
     ----------
-    speed : of a recording that is played, times real time; 0 as fast as it goes
-    web : port of a web page on this machine that shows the body
-    lsl_markers : stream of markers of the Lab Streaming Layer, instead of a recording
-    lsl_forces : stream of forces
+    speed : playback speed of a recording relative to real time; 0 for as fast as possible
+    web : port of a local web page that shows the body
+    lsl_markers : name of the marker stream in the Lab Streaming Layer, instead of a recording
+    lsl_forces : name of the force stream in the Lab Streaming Layer
     """
 
     speed: float = 1.0

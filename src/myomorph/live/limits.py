@@ -61,11 +61,12 @@ class LimitOptions:
 
     Attributes
     ----------
-    draws : inputs drawn with errors, between whose results limits of 90 % lie; 0 for no limits. 40
-        fit into the time that two cores leave beside 80 muscles at 100 frames a second
+    draws : number of draws of all inputs with their errors, which give the bounds of 90 %
+        intervals; 0 for no intervals. 40 draws fit into real time on two cores with 80 muscles at
+        100 frames per second
     draw_seed : other random numbers for another one
-    widened : widen limits by the factors that simulated recordings with other errors than assumed
-        ask for
+    widened : widen intervals by factors found on simulated recordings whose errors differ from the
+        assumed ones
     """
 
     draws: int = 0

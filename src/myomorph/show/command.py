@@ -40,9 +40,9 @@ def demo_command(
 
     Parameters
     ----------
-    out : folder to write
+    out : folder for the results
     study : the demonstration
-    threads : to use; all cores by default
+    threads : number of threads; all cores by default
     """
     use_threads(threads)
     demo = DEMOS[study]

@@ -18,7 +18,7 @@ EXTENSION = Extension(
         ),
         "app": CommandEntry(
             function="myomorph.show.app.command:app_command",
-            help="A page that takes dropped recordings and opens the answer.",
+            help="A local web page: drop recordings on it and read the results.",
             example="myomorph app",
             panel="Main job",
         ),
@@ -36,22 +36,25 @@ EXTENSION = Extension(
         ),
         "judo": DemoEntry(
             run=PERFORMED,
-            help="two simulated fighters, as files with a study file",
+            help="two simulated fighters, written as recordings with a study file",
             needs=SOLVER,
             extra=DEMO,
         ),
         "taichi": DemoEntry(
             run=PERFORMED,
-            help="simulated Tai Chi on one plate, as such files",
+            help="simulated Tai Chi on one plate, written as recordings with a study file",
             needs=SOLVER,
             extra=DEMO,
         ),
         "tap": DemoEntry(
-            run=PERFORMED, help="simulated tap dance, as such files", needs=SOLVER, extra=DEMO
+            run=PERFORMED,
+            help="simulated tap dance, written as recordings with a study file",
+            needs=SOLVER,
+            extra=DEMO,
         ),
         "drum": DemoEntry(
             run=PERFORMED,
-            help="a simulated drum with microphones, as such files",
+            help="a simulated drum with microphones, written as recordings with a study file",
             needs=SOLVER,
             extra=DEMO,
         ),

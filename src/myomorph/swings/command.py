@@ -48,19 +48,21 @@ class SwingFlags:
 
     Attributes
     ----------
-    out : folder to write; it is made where it does not exist. With --into, the model
-    template : write a study file with every key into this folder, and end
-    into : model (.osim or .xml) to write as --out with the viscosities of the specimen in --results
-    results : folder of a specimen in results, for --into
-    model : model of one specimen (.osim or .xml), in place of a study
-    intact : recordings with muscles intact: markers, or C3D with plates
-    removed : recordings with muscles removed
-    intact_loads : forces on the base with muscles intact, in the same order; by default those
-        beside each recording
-    removed_loads : the same with muscles removed
-    base : body that is fixed to the plate; the scapula by default
-    first : first body of the limb; the humerus by default
-    muscle_mass : of the removed muscles, as weighed [kg]
+    out : folder for the results, created if it does not exist; with --into, the model to write
+    template : folder into which a study file with every key is written, and nothing else is done
+    into : model (.osim or .xml) that gets the viscosities of the specimen in --results, and is
+        written as --out
+    results : folder of a specimen's results, for --into
+    model : model of a single specimen (.osim or .xml), instead of a study
+    intact : recordings of swings with muscles intact: markers, or C3D with plates
+    removed : recordings of swings with muscles removed
+    intact_loads : forces on the base with muscles intact, in the same order; by default the files
+        next to each recording
+    removed_loads : forces on the base with muscles removed, in the same order; by default the files
+        next to each recording
+    base : body that is fixed to the plate; by default the scapula
+    first : first body of the limb; by default the humerus
+    muscle_mass : measured mass of the removed muscles [kg]
     """
 
     out: Path | None = None

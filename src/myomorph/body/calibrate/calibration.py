@@ -42,48 +42,50 @@ class CalibrationOptions:
 
     Attributes
     ----------
-    frames : at most so many, those whose postures differ most
-    symmetric : the right and the left side have the same lengths
-    fit : which unknowns are estimated together: "lengths", "markers"; the others stay on the given
-        model, lengths at its overall size
-    method : all unknowns at once ("joint"), or lengths and marker positions in turn, as [D] does
-        ("alternating")
-    mass : of the whole body [kg]; by default what the stretching gives
-    length_sd : how much a segment's length differs from the overall size, as a standard deviation
-    shape_sd : how much a segment's stretch across differs from that along
-    side_sd : how much a length of the right differs from the left's, as a share; where the data
-        show more, a wider prior takes its place, with a warning
-    posture_sd : how much the mean angle of a joint differs between right and left, and the trunk's
-        mean from upright to the side [rad]; more where both sides were not recorded alike
-    marker_sd : how far a marker usually lies from its place on the given model [m]; one that lies
-        much farther is let go (Student's t with 3 degrees of freedom); by default 0.02 on a body of
-        human size, on a smaller one less in proportion (`length_unit`)
-    fixed_sd : the same of a marker that the model calls fixed, as one on a bony landmark, which is
-        not let go [m]; by default 0.01 likewise
-    noise : of a marker about its place on a rigid body, along one axis [m], mostly movement of the
-        skin; 0 takes it from the residual, right for markers without skin; by default 0.005
-        likewise
-    zero_sd : how far the axes of the generic model's bones are turned against the person's [rad];
-        it widens the intervals of zero angles. 4 degrees, as angles differ between examiners who
-        palpate the same landmarks (Della Croce et al. 2005)
-    slide_sd : how far all markers of a segment slide as one while the body moves, along one axis
-        [m]; it widens the intervals of lengths, marker places and zero angles. By default as
-        `noise`. Shifts and turns of whole clusters are most of what skin does in walking (Barré et
-        al. 2017)
-    slide_turn_sd : how far they turn as one about each axis [rad]; by default 3 degrees where
-        `slide_sd` is 5 mm, and in proportion (of the order of the 1 to 6 by which fluoroscopy finds
-        the hip's angles from markers off, Fiorentino et al. 2017); without effect where `slide_sd`
-        is 0
-    independent_frames : so many frames of moving skin and clothes say as much as all, for its
-        movement is alike from frame to frame; without effect where the residual gives the noise
-    static_sd : of the coordinates that are known in the static trial [rad]
-    iterations : at most so many steps
-    marker_weights : weight of each marker; those not named count 1, 0 leaves one out
-    fixed_markers : markers that stay where the model has them
+    frames : maximum number of frames; those whose postures differ most are used
+    symmetric : give the right and the left side the same lengths
+    fit : unknowns that are estimated together: "lengths", "markers" (their positions); others keep
+        the values of the given model, lengths scaled to the overall size
+    method : "joint": all unknowns at once; "alternating": lengths and marker positions in turn, as
+        in [D]
+    mass : body mass [kg]; by default the model's, scaled with the segments
+    length_sd : relative standard deviation of a segment's length from the overall size
+    shape_sd : relative standard deviation between the scale factors of a segment along and across
+        it
+    side_sd : relative standard deviation between right and left lengths; if the data show larger
+        differences, a wider prior replaces it, with a warning
+    posture_sd : standard deviation between right and left mean joint angles, and of the trunk's
+        mean lateral lean [rad]; more if both sides were not recorded alike
+    marker_sd : standard deviation of a marker's position from that on the given model [m]; outliers
+        are released (Student's t with 3 degrees of freedom); by default 0.02 on a body of human
+        size, on a smaller one in proportion (`length_unit`)
+    fixed_sd : the same for markers that the model calls fixed, as on bony landmarks, which are not
+        released [m]; by default 0.01 on a body of human size, on a smaller one in proportion
+    noise : standard deviation of a marker's position on a rigid body along one axis, mostly
+        movement of the skin [m]; 0 estimates it from the residual, which is right for markers
+        without skin; by default 0.005 on a body of human size, on a smaller one in proportion
+    zero_sd : standard deviation of the orientation of the person's bone axes relative to the
+        generic model's [rad]; it widens the intervals of zero angles. The default of 4 degrees is
+        that of angles between examiners who palpate the same landmarks (Della Croce et al. 2005)
+    slide_sd : standard deviation of the common translation of all markers of a segment while the
+        body moves, along one axis [m]; it widens the intervals of lengths, marker positions and
+        zero angles; by default as `noise`. Translations and rotations of whole clusters are most of
+        the skin's movement in walking (Barré et al. 2017)
+    slide_turn_sd : standard deviation of their common rotation about each axis [rad]; by default 3
+        degrees if `slide_sd` is 5 mm, and in proportion, like the 1 to 6 degrees between hip angles
+        by markers and by fluoroscopy (Fiorentino et al. 2017); without effect if `slide_sd` is 0
+    independent_frames : effective number of independent frames of moving skin and clothes, as their
+        movement is similar from frame to frame; without effect if the residual gives the noise
+    static_sd : standard deviation of the coordinates that are known in the static trial [rad]
+    iterations : maximum number of iterations
+    marker_weights : weight of each marker; markers that are not named have 1, and 0 leaves a marker
+        out
+    fixed_markers : markers that keep their position on the model
     static : a recording of standing still
     static_pose : values of coordinates in it [rad or m]; by default knees and feet as the model
         stands
-    posture_weight : as in `InverseKinematicsOptions`, but smaller, for lengths must not feel it
+    posture_weight : weight of the pull to the default pose, as in `InverseKinematicsOptions`, but
+        too small to affect lengths
     """
 
     frames: int = 50

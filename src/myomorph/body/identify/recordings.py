@@ -60,10 +60,10 @@ class RecordingOptions:
 
     Attributes
     ----------
-    cutoff : low-pass filter of coordinates and forces alike [Hz]; 0 for none, as in OpenSim; by
-        default the one that the noise of the motion asks for, none where it is smooth already
-        (`choose_cutoff`)
-    min_duration : of what can be used, all recordings together [s]
+    cutoff : cutoff frequency of the low-pass filter of coordinates and forces [Hz]; 0 for none, as
+        in OpenSim; by default it is chosen by the noise of the motion, and smooth motions are not
+        filtered (`choose_cutoff`)
+    min_duration : minimum duration of usable frames, all recordings together [s]
     """
 
     cutoff: float | None = None

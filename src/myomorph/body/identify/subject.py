@@ -91,36 +91,35 @@ class IdentificationOptions:
 
     Attributes
     ----------
-    method : "points" for masses of points, "pseudo-inertia" for possible parameters without points
-    mass_sd : relative standard deviation of a link's mass before anything is measured, which says
-        how much the data may change the shape's masses; by default what predicts held-out parts of
-        the recordings best
-    prior : "relative" weighs data by their noise and each link's mass by `mass_sd`; "paper" is
-        [D]'s own setting, `weight_phi` and `weight_rho` in its units, for masses of points
-    weight_phi, weight_rho : of base parameters and of points' masses with prior "paper": W_phi,
-        W_rho of [D] eq. 3.10
-    point_floor : least mass of a point with prior "paper", as a share of the mean; [D] asks for
-        more than 0
-    keep_mass : with prior "paper", whether the whole mass is kept exactly, which [D] does not ask
-        for
+    method : parameters that are fitted; "points": the masses of a grid of points; "pseudo-inertia":
+        physically consistent parameters without points
+    mass_sd : relative standard deviation of a link's mass in the prior, which limits how much the
+        data change the shape's masses; by default the one that predicts held-out parts of the
+        recordings best
+    prior : weights of data and prior; "relative": data by their noise, each link's mass by
+        `mass_sd`; "paper": those of [D], `weight_phi` and `weight_rho` in its units, for points
+    weight_phi, weight_rho : weights W_phi of base parameters and W_rho of point masses with prior
+        "paper" ([D] eq. 3.10)
+    point_floor : minimum mass of a point with prior "paper", relative to the mean; [D] requires a
+        positive one
+    keep_mass : with prior "paper", keep the body mass exactly, which [D] does not require
     compare : also solve by the other method and the other weight maps, for the tables
-    motion_sd : standard deviation of the noise that the filter leaves in a coordinate, which
-        intervals carry [rad or m]; 0 for a motion without noise. By default that of markers with 2
-        mm of noise
-    skin_sd : root mean square by which skin carries a marker along with the joints beside it, and
-        by which joint centers are off [m]: errors of the motion that return with every posture, so
-        that neither time nor held-out parts show them. They are those of the model's markers, and
-        none of a model without
+    motion_sd : standard deviation of the noise that the filter leaves in a coordinate, which widens
+        intervals [rad or m]; 0 for a motion without noise; by default that of markers with 2 mm of
+        noise
+    skin_sd : root mean square error of the motion that recurs with every posture, from skin that
+        moves with adjacent joints and from joint centers [m]; neither time nor held-out parts
+        reveal it. It applies to models with markers
     side_sd : relative standard deviation of the difference between left and right bodies
-    if_worse : masses of the model where identified ones predict recordings that were not used worse
-        than the generic model's do: "generic" keeps those, "identified" takes the identified ones
-        all the same and warns
-    masses : "shown" changes each link's mass only as far as it is hardly farther from the truth
-        than before (`shown_masses`); "expected" takes it as it is fitted, which is nearer to the
-        truth on the mean, and farther wherever the mass before was right by chance
-    soft_tissue : whether markers move more than the body's mass: "auto" where measured forces show
-        it and held-out parts of the recordings are predicted better, "always" or "never"; never
-        with prior "paper"
+    if_worse : masses of the model if the identified ones predict held-out recordings worse than the
+        generic ones; "generic": the generic masses; "identified": the identified masses, with a
+        warning
+    masses : estimate of each link's mass; "shown": changed only as far as the data make a gain in
+        accuracy nearly certain (`shown_masses`); "expected": as fitted, which is more accurate on
+        average, but less where the prior mass was accurate by chance
+    soft_tissue : model the motion of markers relative to the body's mass; "auto": if measured
+        forces show it and held-out parts of the recordings are predicted better; "always" or
+        "never"; never with prior "paper"
     """
 
     method: Literal["points", "pseudo-inertia"] = "points"

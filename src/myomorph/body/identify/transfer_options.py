@@ -15,9 +15,10 @@ class TransferOptions:
 
     Attributes
     ----------
-    rounds : of scaling and posing, at most
-    tolerance : the rounds end when no joint center moves further relative to the lower model's [m]
-    keep_markers : keep markers of the higher model that the lower one lacks
+    rounds : maximum number of rounds of scaling and posing
+    tolerance : convergence tolerance: largest movement of a joint center relative to the lower
+        model's in a round [m]
+    keep_markers : keep the markers of the higher model that the lower model does not have
     lower_segments, higher_segments : segments of bodies whose names do not show them
     """
 

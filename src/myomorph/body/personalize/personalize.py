@@ -47,14 +47,13 @@ class PersonalizeOptions(PriorOptions):
 
     Attributes
     ----------
-    fit : which parameters are estimated together: "fibers", "points" (of operation, which move the
-        tendon slack lengths), "strength", "passive", "gains"; the others stay on the given model
-    tendons : "elastic": tendons stretch as their class has it; "rigid": they keep their slack
-        length
-    hold_out : whether the last recording, or the last third of a single one, is held out to check
-        on
-    keep_generic : whether groups of muscles keep generic values that explain what was held out
-        better
+    fit : parameters that are estimated together: "fibers" (optimal fiber lengths), "points"
+        (operating points, which determine tendon slack lengths), "strength", "passive", "gains";
+        others keep their given values
+    tendons : tendon model; "elastic": tendons stretch by the curves of their class; "rigid": they
+        keep their slack length
+    hold_out : hold out the last recording, or the last third of a single one, to check the result
+    keep_generic : let groups of muscles keep generic values that explain held-out recordings better
     """
 
     fit: tuple[str, ...] = BLOCKS

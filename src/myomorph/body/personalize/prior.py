@@ -52,12 +52,16 @@ class PriorOptions:
 
     Attributes
     ----------
-    fiber_spread : of the logarithm of optimal fiber lengths
-    point_spread : of normalized fiber lengths in a given pose, which shifts the tendon slack length
-    strength_spread : of the logarithm of a muscle group's strength
-    passive_spread : of the logarithm of a muscle group's passive fiber strain
-    gain_spread : of the logarithm of gains of EMG; 0 where envelopes are activations as they are
-    sides : correlation of left and right muscles of the same name
+    fiber_spread : standard deviation between people of the logarithm of optimal fiber lengths
+    point_spread : standard deviation between people of normalized fiber lengths in a given pose,
+        which determine tendon slack lengths
+    strength_spread : standard deviation between people of the logarithm of a muscle group's
+        strength
+    passive_spread : standard deviation between people of the logarithm of a muscle group's passive
+        fiber strain
+    gain_spread : standard deviation of the logarithm of EMG gains; 0 if envelopes are activations
+        already
+    sides : correlation between left and right muscles of the same name
     """
 
     fiber_spread: float = 0.15

@@ -31,27 +31,29 @@ class RefineOptions:
 
     Attributes
     ----------
-    fit : which unknowns are estimated together with the motions: "lengths", "markers" (their
-        positions), "masses" (with mass centers and inertias), "clock" (of the forces, against that
-        of the markers); the others stay as given, and "motions" alone estimates nothing else
-    cutoff : low-pass filter of the forces; the motion has four knots a period of it [Hz]
-    marker_noise : of a marker about its position on a rigid body, along one axis, mostly movement
-        of the skin [m]; by default 0.01 on a body of human size, on a smaller one less in
+    fit : unknowns that are estimated together with the motions: "lengths", "markers" (their
+        positions), "masses" (with mass centers and inertias), "clock" (of the forces relative to
+        the markers); others keep their given values, and "motions" estimates the motions alone
+    cutoff : cutoff frequency of the low-pass filter of the forces [Hz]; the motion has four knots
+        per period of it
+    marker_noise : standard deviation of a marker's position on a rigid body along one axis, mostly
+        movement of the skin [m]; by default 0.01 on a body of human size, on a smaller one in
         proportion
-    marker_time : for how long the skin's movement stays alike [s]
-    force_noise : of each component of the residual force, in body weights
-    moment_noise : of each component of the residual moment, in body weights times 1 m
-    length_sd : how far a length may differ from the model's, of itself
-    marker_sd : how far a marker may lie from its position on the model [m]; by default 0.015
-        likewise
-    mass_sd : how far a link's mass may differ from the one that `identify` finds in the same
-        recordings, of itself
-    shared_clock : one offset of the clock for all recordings, instead of one for each
-    soft_tissue : whether markers move more than the body's mass: "auto" where that predicts unseen
-        parts of the recordings better (with `check`), "always" or "never"
-    iterations : at most so many steps
+    marker_time : correlation time of the skin's movement [s]
+    force_noise : standard deviation of each component of the residual force [body weights]
+    moment_noise : standard deviation of each component of the residual moment [body weights times 1
+        m]
+    length_sd : relative standard deviation of a length from the model's
+    marker_sd : standard deviation of a marker's position from that on the model [m]; by default
+        0.015 on a body of human size, on a smaller one in proportion
+    mass_sd : relative standard deviation of a link's mass from that which `identify` finds in the
+        same recordings
+    shared_clock : estimate one clock offset for all recordings instead of one for each
+    soft_tissue : model the motion of markers relative to the body's mass; "auto": if that predicts
+        held-out parts of the recordings better (with `check`); "always" or "never"
+    iterations : maximum number of iterations
     check : predict every recording, or the parts of a single one, from the others, and keep the
-        model's body and masses where they predict better
+        given body and masses if they predict better
     """
 
     fit: tuple[str, ...] = (LENGTHS, MARKERS, MASSES)

@@ -22,25 +22,24 @@ class MorphOptions:
 
     Attributes
     ----------
-    surface_within : a muscle point this near its bone's surface, as a share of the bone's length,
-        is put back on the target's surface (at the same depth or height, in the target's size); 0
+    surface_within : distance to its bone's surface, relative to the bone's length, within which a
+        muscle point is moved to the target's surface (at the same relative depth or height); 0
         leaves points where the map puts them
-    balance : virtual links, bodies without a bone on which muscles branch, are moved to where their
-        line tensions balance as in the source
-    clear : via points and wrap objects are moved out of bones that the source's paths do not run
-        through
-    joints : "fitted" takes centers from spheres and cylinders fitted to the target's articular
-        surfaces where they fit as in the source, "mapped" takes them as the map gives them
-    fibers : "range" keeps the range of normalized fiber lengths over the joints' ranges of motion,
-        "path" keeps the ratio of fiber and tendon to the path in the default pose, "keep" leaves
-        lengths as they are
-    force : maximum isometric force grows with "volume" (of the bones, over optimal fiber length),
-        "area" (square of the bones' length), "mass" (of the body, over fiber length) or stays
-        ("keep")
-    pennation : "keep" leaves the angle at optimal fiber length, "thickness" keeps the muscle's
-        thickness in proportion to the bones
-    architecture : "tables" takes fibers, force and pennation from the tables of a species file,
-        where it has some, "maps" from the bones' maps as above
+    balance : move virtual links, which are bodies without a bone on which muscles branch, to where
+        the tensions of their lines balance as in the source
+    clear : move via points and wrap objects out of bones that the source's paths do not penetrate
+    joints : joint centers; "fitted": of spheres and cylinders fitted to the target's articular
+        surfaces, if they fit as in the source; "mapped": as the map gives them
+    fibers : fiber and tendon lengths; "range": keep the range of normalized fiber lengths over the
+        joints' ranges of motion; "path": keep the ratio of fiber and tendon to the path in the
+        default pose; "keep": keep the lengths
+    force : maximum isometric force; "volume": in proportion to the bones' volume over optimal fiber
+        length; "area": to the square of the bones' length; "mass": to body mass over fiber length;
+        "keep": unchanged
+    pennation : pennation angle at optimal fiber length; "keep": unchanged; "thickness": so that the
+        muscle's thickness is in proportion to the bones
+    architecture : source of fibers, force and pennation; "tables": the tables of a species file, if
+        it has some; "maps": the maps of the bones
     """
 
     surface_within: float = 0.02

@@ -36,13 +36,12 @@ class CrossingOptions:
 
     Attributes
     ----------
-    only : use only the passes through the capture volume: parts of the recording in which enough
-        markers are seen
-    min_visible : a frame shows enough where its markers determine this share of what all of the
-        model's do: of the independent directions in which coordinates move markers; without a
-        model, of the markers themselves
-    max_gap : shorter stretches that show less are bridged [s]
-    min_duration : shorter parts are left out [s]
+    only : use only the passes through the capture volume, in which enough markers are visible
+    min_visible : minimum visible share of a frame in a pass: independent directions of the
+        coordinates that its markers determine, relative to all markers of the model; without a
+        model, share of the markers
+    max_gap : longest gap in a pass that is bridged [s]
+    min_duration : shortest pass that is used [s]
     """
 
     SETTING_PREFIX: ClassVar[str] = "passes_"

@@ -21,10 +21,10 @@ class EnvelopeOptions:
     Attributes
     ----------
     band : pass band of the raw signal [Hz]; its upper end is lowered to 0.45 of the rate
-    cutoff : low-pass of the rectified raw EMG [Hz]
-    order : of the Butterworth filters, each run forwards and backwards
-    notch : frequency of the mains, taken out with its harmonics [Hz]; None leaves them in
-    notch_width : width of each notch at half its power [Hz]
+    cutoff : cutoff frequency of the low-pass filter of the rectified raw EMG [Hz]
+    order : order of the Butterworth filters, each run forwards and backwards
+    notch : mains frequency, which is removed with its harmonics [Hz]; by default nothing is removed
+    notch_width : half-power width of each notch [Hz]
     """
 
     SETTING_PREFIX: ClassVar[str] = "emg_"

@@ -53,18 +53,19 @@ class InverseKinematicsOptions:
 
     Attributes
     ----------
-    marker_weights : weight of each marker; those not named count 1, 0 leaves one out
+    marker_weights : weight of each marker; markers that are not named have 1, and 0 leaves a marker
+        out
     only_weighted : use only the markers named in `marker_weights`, as an OpenSim task set does
     tasks : further terms of the cost: pulls of coordinates, or tasks of one's own
         (docs/adding.md)
     coordinates : a motion that gives values to tasks and to locked coordinates
-    tolerance : a frame is solved when its last step moves no coordinate further [rad, or m on a
-        body of human size; on a smaller one in proportion, see `length_unit`]
-    iterations : at most so many in a frame
-    posture_weight : pull towards the default pose of coordinates that no task shows, relative to
-        the mean curvature of the cost; too small to be seen in the others
-    root_bounds : keep a floating body within the bounds of its root's coordinates too, as OpenSim
-        does; by default it may stand and turn anywhere in the laboratory
+    tolerance : convergence tolerance: largest change of a coordinate in the last step [rad, or m on
+        a body of human size; on a smaller one in proportion, see `length_unit`]
+    iterations : maximum number of iterations per frame
+    posture_weight : weight of a pull to the default pose that holds coordinates without markers,
+        relative to the mean curvature of the cost; too small to affect the others
+    root_bounds : respect the bounds of the root's coordinates of a floating body, as OpenSim does;
+        by default it may stand and turn anywhere in the laboratory
     untracked_coordinates : assumption about coordinates that no marker determines; "upright": the
         trunk stays upright and gaps of markers are bridged (`myomorph.core.motion.unseen`);
         "default": the default pose in every frame, as in OpenSim

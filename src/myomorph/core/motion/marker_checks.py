@@ -56,8 +56,8 @@ class MarkerCheckOptions:
 
     Attributes
     ----------
-    repair : correct what is evident: exchanged labels, a jumping marker bridged in these frames,
-        frames left empty that show too few markers; else it is only reported
+    repair : correct evident errors: exchange labels back, bridge a jumping marker, leave out frames
+        with too few markers; otherwise they are only reported
     """
 
     repair: bool = True

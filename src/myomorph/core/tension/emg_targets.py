@@ -22,21 +22,22 @@ class EmgOptions:
 
     Attributes
     ----------
-    mode : "soft": a cost keeps activations near EMG; "driven": they follow it but for the slack
-    weight : of the soft cost, in units of the effort of one muscle; None chooses the largest with
-        which held-out channels come out as well as without EMG, and 0 where these disagree
-    slack : of driven muscles [activation]
-    delay : electromechanical delay [s]; None finds it where gains are fitted, else takes the usual
-        one
-    gains : "fitted": one gain per channel, so that the muscles that EMG drives bear the joint
-        torques; "normalized": envelopes are activations already
-    offsets : whether a channel may have an activation at rest too
-    shape : factor A of (exp(A e) - 1) / (exp(A) - 1), 0 for a straight line; None finds one for all
-        channels
-    unmeasured : of muscles without EMG: "effort": least effort alone; "synergies": those that act
-        at the joints as measured ones do are drawn near these
-    unmeasured_weight : of that, in units of the effort of one muscle; None chooses it along with
-        `weight`
+    mode : use of EMG; "soft": a cost keeps activations near EMG; "driven": they follow EMG within
+        the slack
+    weight : weight of the soft cost, relative to the effort of one muscle; by default the largest
+        at which held-out channels are predicted as well as without EMG, and 0 if they are not
+    slack : allowed deviation of driven muscles from EMG [activation]
+    delay : electromechanical delay [s]; by default fitted with the gains, or the usual one if gains
+        are not fitted
+    gains : gains of the channels; "fitted": one per channel, so that the muscles with EMG produce
+        the joint torques; "normalized": envelopes are activations already
+    offsets : fit an activation at rest for each channel, too
+    shape : shape factor A of the map (exp(A e) - 1) / (exp(A) - 1) from envelope e to activation; 0
+        is linear; None fits one for all channels
+    unmeasured : activation of muscles without EMG; "effort": minimum effort alone; "synergies":
+        muscles that act at the joints as measured ones do are kept near these
+    unmeasured_weight : weight of these synergies, relative to the effort of one muscle; by default
+        chosen together with `weight`
     """
 
     SETTING_PREFIX: ClassVar[str] = "emg_"

@@ -34,17 +34,18 @@ class RecruitmentOptions:
 
     Attributes
     ----------
-    joint_load : weight of the squared force that joints transmit, in body weights, beside the
-        effort a^2 of one muscle; 0 for none; by default 0.02 with rigid tendons where the external
-        forces are known
-    joint_load_joints : names of these joints, separated by commas; "knees" for those between thigh
-        and shank and thigh and patella, "all" for all that a muscle crosses
-    co_contraction : share of what the weaker side of every joint can give that it gives at least, 0
-        to 1; 0 for none
-    co_contraction_coordinates : names of these coordinates, separated by commas; "" for all that
-        muscles turn both ways
-    knee_contact : least force of each side of every knee below 30 degrees of flexion, so that none
-        lifts off [body weights]; 0 for none; 0.2 made all measured walks better
+    joint_load : weight of the squared joint contact force, in body weights, relative to the effort
+        a^2 of one muscle; 0 for none; by default 0.02 with rigid tendons if the external forces are
+        known
+    joint_load_joints : joints whose load is weighted, separated by commas; "knees": between thigh
+        and shank, and thigh and patella; "all": all that muscles cross
+    co_contraction : minimum co-contraction: share, 0 to 1, of its maximum torque that the weaker
+        side of every joint gives at least; 0 for none
+    co_contraction_coordinates : coordinates with this co-contraction, separated by commas; by
+        default all that muscles can turn in both directions
+    knee_contact : minimum force on the medial and lateral side of every knee below 30 degrees of
+        flexion, so that neither lifts off [body weights]; 0 for none; 0.2 improved all measured
+        walks
     """
 
     joint_load: float | None = None

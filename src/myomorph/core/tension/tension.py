@@ -115,39 +115,39 @@ class TensionOptions:
 
     Attributes
     ----------
-    recruitment : how muscles share the load; "power": the least sum_m w_m a_m^p + sum_r |u_r|^p of
-        activations a and controls u; "minmax": the least greatest activation, and of all that have
-        it the least sum_m w_m a_m^2 (see docs/method.md)
-    exponent : p, 1.2 to 20; above 4 controls count with 2, and each activation with a little of its
-        square added
-    weights : of muscles in the effort; "equal": w = 1; "volume": w_m in proportion to F0 L0,
-        "strength": to F0, with mean 1
-    min_activation : lower bound of activations; "zero": activations from 0; "model": from each
-        muscle's minimum in the model (in OpenSim's models usually 0.01, for the sake of simulations
-        with activation dynamics)
-    passive : whether the muscles' passive elastic forces take part; by default those of fibers on
-        tendons that stretch, as in OpenSim's muscles. With rigid tendons they come out too large,
-        as tendon slack lengths belong to tendons that stretch
-        (docs/decisions/0019-tension-defaults.md); passive torques and bushings of the model's
-        joints always take part
-    viscous : whether the muscles' viscosity takes part, a force that may push; 0 in models that
-        have none. It does in OpenSim, where it is a force of its own beside the muscle's
-    curves : force-length-velocity curves; "rigid-tendon" by the formulas of each muscle's class,
-        "opensim" as OpenSim's static optimization evaluates them, with its errors (see
-        `hill_forces`), "constant" for the maximum isometric force at any length and velocity
-    joint_tissue : passive torques of people's joints where the model has none (Riener and Edrich
-        1999); "hips": of hips, whose muscles then press less at push-off; "legs": of hips, knees
-        and ankles; "none": what the model has. Muscles are part of them, so not with `passive`
-    reserve : optimal force of the reserves that are added where no actuators are given [N m or N];
-        by default 1 on a body of human size, less on a smaller one (`default_reserves`)
-    residual : optimal force of what then holds a floating body [N], [N m]; by default 10 likewise
-    tendons : whether tendons stretch; "rigid": every frame by itself; "elastic": tendons stretch by
-        the curves of each muscle's class, and forces of all frames are found together (see
-        docs/elastic-tendons.md)
-    activation_dynamics : with elastic tendons, whether activation changes no faster than
-        excitations between 0 and 1 let it, by the time constants of the model
-    second_start : with elastic tendons, whether the problem is solved from another start too, as
-        the problem is not convex: the distance of the two solutions is in `Fibers.certificate`
+    recruitment : criterion by which muscles share the load; "power": minimum of sum_m w_m a_m^p +
+        sum_r |u_r|^p over activations a and controls u; "minmax": minimum of the largest
+        activation, then of sum_m w_m a_m^2 (see docs/method.md)
+    exponent : exponent p, 1.2 to 20; above 4 controls have exponent 2, and a small square of each
+        activation is added
+    weights : weights of muscles in the effort, with mean 1; "equal": 1; "volume": in proportion to
+        F0 L0; "strength": in proportion to F0
+    min_activation : lower bound of activations; "zero": 0; "model": each muscle's minimum in the
+        model (usually 0.01 in OpenSim's models, for simulations with activation dynamics)
+    passive : include the muscles' passive elastic forces; by default only those of fibers on
+        elastic tendons, as in OpenSim's muscles. With rigid tendons they are too large, as tendon
+        slack lengths are those of elastic tendons (docs/decisions/0019-tension-defaults.md);
+        passive torques and bushings of the model's joints are always included
+    viscous : include the muscles' viscous force, which may push; 0 in models without viscosity.
+        OpenSim treats it as a separate force
+    curves : force-length-velocity curves; "rigid-tendon": formulas of each muscle's class;
+        "opensim": as OpenSim's static optimization evaluates them, including its errors (see
+        `hill_forces`); "constant": the maximum isometric force at any length and velocity
+    joint_tissue : passive joint torques of people, if the model has none (Riener and Edrich 1999);
+        "hips": of the hips, which reduces the muscles' joint load at push-off; "legs": of hips,
+        knees and ankles; "none": only those of the model. They include the muscles' passive forces,
+        so they exclude `passive`
+    reserve : optimal force of the reserves that are added to coordinates if no actuators are given
+        [N m or N]; by default 1 on a body of human size, less on a smaller one (`default_reserves`)
+    residual : optimal force of the residual actuators that hold a floating body if no actuators are
+        given [N or N m]; by default 10 on a body of human size, less on a smaller one
+    tendons : tendon model; "rigid": tendons keep their slack length, and frames are independent;
+        "elastic": tendons stretch by the curves of each muscle's class, and forces of all frames
+        are solved together (see docs/elastic-tendons.md)
+    activation_dynamics : with elastic tendons, limit the rate of activations to what excitations
+        between 0 and 1 allow with the model's time constants
+    second_start : with elastic tendons, solve from a second starting point, as the problem is not
+        convex; the distance of the two solutions is in `Fibers.certificate`
     """
 
     recruitment: Literal["power", "minmax"] = "power"

@@ -39,12 +39,14 @@ class Subject:
 
     Attributes
     ----------
-    mass : of the subject [kg]; by default what plates weigh, where they can
-    height : of the subject [m]: scales the generic model, and is held against the markers
-    static : recording of standing still; by default found among or beside the recordings
-    model : OpenSim or MuJoCo model with markers; by default myo-sim's legs and trunk
-    arms : give the generic model both arms and their muscles, where markers show them
-    protocol : table of marker protocols of your own (.toml), beside those of the package
+    mass : body mass of the subject [kg]; by default the weight on the force plates, where they
+        allow it
+    height : height of the subject [m]; scales the generic model, and is compared with the markers
+    static : recording of quiet standing; by default one found among or next to the recordings
+    model : OpenSim or MuJoCo model with markers; by default the legs and trunk of myo-sim, scaled
+        to the subject
+    arms : add both arms with their muscles to the generic model, if markers show them
+    protocol : table of your own marker protocols (.toml), used in addition to those of the package
     """
 
     mass: float | None = None
@@ -62,10 +64,10 @@ class Computing:
 
     Attributes
     ----------
-    out : folder to write
-    workers : processes that work side by side
-    prepare : only write the study file, so that it can be changed before it is run
-    dry_run : only write the study file, and print what would be computed and how long it takes
+    out : folder for the results
+    workers : number of processes that run in parallel; by default as many as cores and memory allow
+    prepare : write the study file and stop, so that it can be edited before it is run
+    dry_run : write the study file, and print what would be computed and how long it would take
     """
 
     draws: flags.DrawCount = None
@@ -97,11 +99,11 @@ def analyze_command(
     Parameters
     ----------
     recordings : recordings of markers (.c3d, .trc) or inertial sensors (.sto, .mvnx, .h5, .csv,
-        .txt), or folders of them, those of OpenCap and Pose2Sim too
+        .txt), or folders of them, including those of OpenCap and Pose2Sim
     subject : who was recorded
-    inputs : further files
-    options : of all steps
-    computing : where results go, and how they are computed
+    inputs : further input files
+    options : options of all steps
+    computing : where results are written, and how they are computed
     """
     from myomorph.core.model.errors import BadData
     from myomorph.lab.analyze.analyze import prepare_request

@@ -17,7 +17,7 @@ PANELS = ("Main job", "The body", "The movement and its forces", "Files")
 OWN_COMMANDS = {
     "analyze": CommandEntry(
         function="myomorph.lab.cli.analyze:analyze_command",
-        help="From raw recordings to a report, with nothing written by hand.",
+        help="From raw recordings to a report, without any file written by hand.",
         example="myomorph analyze walk1.c3d --mass 72.6 --out walk1",
         panel="Main job",
         first_options=(
@@ -56,7 +56,7 @@ OWN_COMMANDS = {
     ),
     "calibrate": CommandEntry(
         function="myomorph.lab.cli.calibrate:calibrate_command",
-        help="Link lengths and marker positions of the body that recordings show.",
+        help="Link lengths and marker positions of the recorded body.",
         example=(
             "myomorph calibrate --model generic.osim --markers walk1.trc squat1.trc --static"
             " static.trc --mass 72.6 --out subject.osim"
@@ -121,7 +121,7 @@ OWN_COMMANDS = {
     ),
     "tension": CommandEntry(
         function="myomorph.lab.cli.step_command:tension_command",
-        help="Muscle tensions that make the joint torques with the least effort.",
+        help="Muscle tensions that produce the joint torques with minimum effort.",
         example=(
             "myomorph tension --model subject.osim --motion walk1.mot --loads walk1_grf.xml"
             " --cutoff 6 --out walk1_tension"
@@ -166,8 +166,8 @@ OWN_COMMANDS = {
     "refine": CommandEntry(
         function="myomorph.lab.cli.refine:refine_command",
         help=(
-            "Motions, link lengths, marker positions and masses that agree with markers and"
-            " force plates at once."
+            "Motions, link lengths, marker positions and masses that fit markers and force"
+            " plates together."
         ),
         example=(
             "myomorph refine --model subject.osim --markers walk1.trc jump1.trc --loads"
@@ -222,7 +222,7 @@ OWN_COMMANDS = {
     ),
     "transfer": CommandEntry(
         function="myomorph.lab.cli.transfer:transfer_command",
-        help="A subject's lengths, marker positions and masses for a model with more joints.",
+        help="Transfer a subject's lengths, markers and masses to a model with more joints.",
         example=(
             "myomorph transfer --model subject.osim --to detailed.osim --out detailed_subject.osim"
         ),
@@ -255,19 +255,19 @@ OWN_COMMANDS = {
     ),
     "report": CommandEntry(
         function="myomorph.lab.cli.report:report_command",
-        help="Make report.html of results; of two folders a page that compares their walks.",
+        help="Write report.html for results, or a page that compares two sessions of walking.",
         example="myomorph report results",
         panel="Main job",
     ),
     "norms": CommandEntry(
         function="myomorph.lab.cli.norms:norms_command",
-        help="Make a file of norms of a control group, with which walks are compared.",
+        help="Write the norms of a control group to a file, for comparison with walks.",
         example="myomorph norms controls/c1 controls/c2 controls/c3 --out controls.csv",
         panel="Files",
     ),
     "view": CommandEntry(
         function="myomorph.lab.cli.view:view_command",
-        help="Show results in a web page, or as a movie: the body moves, with muscles and curves.",
+        help="Show results as a web page or a movie of the moving body, with muscles and curves.",
         example="myomorph view demo",
         panel="Main job",
         option_panels={"Movie": ("movie", "size", "time", "seconds", "speed", "curves")},

@@ -20,11 +20,11 @@ class Person:
 
     Attributes
     ----------
-    height : of the person [m]
-    chest : circumference of the chest at the nipples [m]; that of people alike by default
-    sex : of the person
-    mass : of the person [kg]; that of people alike by default
-    age : in years
+    height : height of the person [m]
+    chest : chest circumference at the nipples [m]; estimated from the other measurements by default
+    sex : sex of the person
+    mass : body mass [kg]; estimated from the other measurements by default
+    age : age [years]; estimated from the other measurements by default
     """
 
     height: float
@@ -41,8 +41,8 @@ def body_command(*, person: Annotated[Person, Parameter(name="*")], out: Path) -
     Parameters
     ----------
     person : what is known of the person
-    out : model to write (.osim), with skin, tables and a report in a folder beside it; or a folder
-        for all of it
+    out : model to write (.osim), with skin, tables and a report in a folder next to it; or a folder
+        for all files
     """
     from myomorph.lab.study.subject.body_files import Measured, body_lines, make_body
 

@@ -32,10 +32,10 @@ class CalibrateFiles:
 
     Attributes
     ----------
-    out : model to write (.osim); tables of lengths and markers stand beside it
-    markers : recordings: .trc, .c3d, .mat or .h5, one or more
-    static : recording of standing still
-    marker_set : OpenSim marker set (.xml) that comes before the model's markers
+    out : model to write (.osim); tables of lengths and markers go into a folder next to it
+    markers : one or more recordings of markers (.trc, .c3d, .mat or .h5)
+    static : recording of quiet standing
+    marker_set : OpenSim marker set (.xml) that replaces markers of the model with the same name
     """
 
     model: flags.ModelFile

@@ -22,8 +22,8 @@ def info_command(file: Path, /, *, reasons: bool = False) -> int:
 
     Parameters
     ----------
-    file : model, recording or table, or a folder of recordings
-    reasons : of a folder, print how each statement is known
+    file : model, recording, table, or folder of recordings
+    reasons : for a folder, print the evidence for each statement
     """
     from myomorph.lab.info.inspect import inspect
 
@@ -39,11 +39,15 @@ class Conversion:
 
     Attributes
     ----------
-    up : axis that points up: y by default, as OpenSim has it; kept where a C3D file is written
-    forward : axis that the walk goes along, by right angles; kept by default
-    axes : instead of both, the new axes in the old frame: x,z,-y turns z up to y up
-    units : of lengths in a TRC file
-    labels : table of names (.csv: label, new name; an empty new name drops the marker or channel)
+    up : vertical axis of the written files; by default y, as in OpenSim, and unchanged in a C3D
+        file
+    forward : axis of the walking direction, reached by rotations of 90 degrees; unchanged by
+        default
+    axes : new axes expressed in the old ones, instead of --up and --forward; x,z,-y rotates z up to
+        y up
+    units : unit of lengths in a TRC file
+    labels : table of new names (.csv: label, new name); an empty new name drops the marker or
+        channel
     """
 
     up: Literal["", "y", "z", "keep"] = ""
@@ -71,8 +75,9 @@ def convert_command(
     ----------
     files : recording (.c3d, .trc, .mat), tables of forces and EMG (.mot, .sto, .csv), or several of
         them
-    out : file to write, by its ending: .trc markers, .mot forces with external loads (.xml) beside
-        it, .sto or .csv EMG or a table, .c3d all of it; or a folder for all that there is
+    out : file to write, whose ending determines the content: .trc for markers, .mot for forces with
+        external loads (.xml), .sto or .csv for EMG or a table, .c3d for everything; or a folder for
+        all files
     conversion : axes, units and names
     inputs : plates and time
     """

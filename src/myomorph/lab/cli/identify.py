@@ -46,11 +46,11 @@ class IdentifyFiles:
 
     Attributes
     ----------
-    out : model to write (.osim); tables and a report go into a folder beside it
-    motion : coordinates over time, one file a recording
-    mass : of the subject [kg]; the model's by default
-    check_motion : motions that are not identified from, to compare the models on
-    check_loads : their external loads
+    out : model to write (.osim); tables and a report go into a folder next to it
+    motion : coordinates over time, one file per recording
+    mass : body mass of the subject [kg]; by default that of the model
+    check_motion : held-out motions, on which the models are compared
+    check_loads : external forces of the held-out motions, one file per motion
     """
 
     model: flags.ModelFile
@@ -69,12 +69,13 @@ class Shape:
 
     Attributes
     ----------
-    skin : mesh of the subject's skin: .obj, .stl or .ply
-    landmarks : markers on the skin (CSV: name, x, y, z in metres), to pose the model in it
-    height : of the subject [m], for a statistical body shape
-    chest : circumference of the chest [m]
-    sex : of the subject
-    age : in years
+    skin : mesh of the subject's skin (.obj, .stl or .ply)
+    landmarks : markers on the skin, by which the model is posed in the mesh (.csv: name, x, y, z
+        [m])
+    height : height of the subject [m], for a statistical body shape
+    chest : chest circumference [m], for a statistical body shape
+    sex : sex of the subject
+    age : age of the subject [years]
     """
 
     skin: Path | None = None

@@ -15,8 +15,8 @@ def norms_command(folders: tuple[Path, ...], /, *, out: Path = Path("controls.cs
 
     Parameters
     ----------
-    folders : of results, of three people or more
-    out : file to write (.csv)
+    folders : folders of results of three people or more
+    out : file of norms to write (.csv)
     """
     from functools import partial
 

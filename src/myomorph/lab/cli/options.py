@@ -34,24 +34,27 @@ Loads = Annotated[
     tuple[Path, ...],
     Parameter(
         name="--loads",
-        help=f"External forces, one file a recording, in the same order: {LOADS_HELP}.",
+        help=f"External forces, one file per recording, in the same order: {LOADS_HELP}.",
     ),
 ]
 OutFile = Annotated[
     Path,
-    Parameter(name="--out", help="File to write; the same values go into a .nc file beside it."),
+    Parameter(
+        name="--out", help="File to write; a .nc file with the same values is written next to it."
+    ),
 ]
 OutFolder = Annotated[
-    Path, Parameter(name="--out", help="Folder to write; it is made where it does not exist.")
+    Path,
+    Parameter(name="--out", help="Folder for the results; it is created if it does not exist."),
 ]
 DrawCount = Annotated[
     int | None,
     Parameter(
         name="--draws",
         help=(
-            "Repeat the computation so many times with errors in all inputs, 200 for example;"
-            " every table gets its 90 % limits (NAME_low, NAME_high), and uncertainty.csv says what"
-            " contributes."
+            "Number of repetitions with random errors in all inputs, for example 200;"
+            " every table gets the bounds of its 90 % interval (NAME_low, NAME_high), and"
+            " uncertainty.csv lists the contribution of each source of error."
         ),
     ),
 ]
@@ -60,7 +63,8 @@ DrawProcesses = Annotated[
     Parameter(
         name="--workers",
         help=(
-            "Processes that share the draws; by default as many as threads, where that saves time."
+            "Number of processes that share the draws; by default as many as threads, if that saves"
+            " time."
         ),
     ),
 ]
@@ -69,13 +73,13 @@ UncertaintyFile = Annotated[
     Parameter(
         name="--uncertainty",
         help=(
-            "Sizes of the errors (.toml of lines 'placement = 0.008'), instead of the usual ones; "
-            "'myomorph uncertainty --help' lists them."
+            "Standard deviations of the errors that replace the defaults (.toml with lines such as"
+            " 'placement = 0.008'); 'myomorph uncertainty --help' lists them."
         ),
     ),
 ]
 Threads = Annotated[
-    int | None, Parameter(name="--threads", help="Threads to use; all cores by default.")
+    int | None, Parameter(name="--threads", help="Number of threads; all cores by default.")
 ]
 
 

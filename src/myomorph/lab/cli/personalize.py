@@ -26,14 +26,15 @@ class Recordings:
 
     Attributes
     ----------
-    out : model to write (.osim); tables and a report go into a folder beside it
-    motion : coordinates over time, one file a recording
-    torques : instead of loads: torques of inverse dynamics (.sto), one a recording, in the same
-        order
-    emg : EMG, one a recording, in the same order; a channel named as a muscle
-    passive : measured passive torques (.sto): a pose a row by its coordinates, and
-        COORDINATE_moment that resting muscles apply about them, blank where not measured
-    generic : the model that was scaled: muscles begin with its operating ranges
+    out : model to write (.osim); tables and a report go into a folder next to it
+    motion : coordinates over time, one file per recording
+    torques : joint torques of inverse dynamics (.sto) instead of loads, one file per recording, in
+        the same order
+    emg : EMG, one file per recording, in the same order; channels are named as muscles
+    passive : measured passive torques (.sto), one row per pose: coordinates, and in
+        COORDINATE_moment the torque of the relaxed muscles [N m], blank where not measured
+    generic : generic model from which the subject's was scaled; its ranges of normalized fiber
+        length are the starting point
     """
 
     model: flags.ModelFile

@@ -26,9 +26,9 @@ class RefineFiles:
 
     Attributes
     ----------
-    out : model to write (.osim); motions, tables and a report go into a folder beside it
-    markers : recordings: .trc, .c3d, .mat or .h5, one or more
-    mass : of the subject [kg]; the model's by default
+    out : model to write (.osim); motions, tables and a report go into a folder next to it
+    markers : one or more recordings of markers (.trc, .c3d, .mat or .h5)
+    mass : body mass of the subject [kg]; by default that of the model
     """
 
     model: flags.ModelFile

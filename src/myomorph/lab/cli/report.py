@@ -22,11 +22,11 @@ class PageFlags:
 
     Attributes
     ----------
-    preset : how to look at the motion: taichi, tap, drum, judo, gait, lift or motion; else as it
-        fits
-    times : instants to picture [s]; those of events by default
-    norms : what gait.html holds a walk against: folders of results of a control group, a file of
-        'myomorph norms', adults or none; by default adults, where age and speed fit
+    preset : kind of motion, which determines the panels shown: taichi, tap, drum, judo, gait, lift
+        or motion; by default the one that fits the recording
+    times : times at which the body is pictured [s]; by default those of events
+    norms : reference data of gait.html: result folders of a control group, a file of 'myomorph
+        norms', adults, or none; by default adults, if age and walking speed are within their range
     """
 
     preset: str = ""
@@ -51,10 +51,11 @@ def report_command(
 
     Parameters
     ----------
-    folders : of results; two are two sessions of a person, whose walks are compared
+    folders : folder of results; two folders are two sessions of one person, whose walks are
+        compared
     shown : how results are shown
-    out : page of two folders; compare.html by default
-    pdf : print the pages as PDF files beside them, by an installed Chrome, Edge or Chromium
+    out : page that compares two folders; compare.html by default
+    pdf : also write the pages as PDF files, which needs an installed Chrome, Edge or Chromium
     """
     from myomorph.lab.report.page.printed import Browser
 

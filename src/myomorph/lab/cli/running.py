@@ -34,13 +34,13 @@ class Running:
 
     Attributes
     ----------
-    resume : reuse what has not changed; this is so without it, too
-    fresh : compute every step anew, whatever an earlier run left in the folder
-    dry_run : compute nothing: say what would be done, why, and how long it would take
-    workers : processes that work side by side; by default as many as cores and memory allow
-    memory : that one process may take [GB]; by default its share of this machine's
-    scheduler : Dask cluster that does the work: its address, or the file that the scheduler wrote
-    threads : threads of each process: one by default, all cores where there is a single job
+    resume : reuse unchanged results; this is the default
+    fresh : recompute every step, even if an earlier run has left its result
+    dry_run : compute nothing, and print what would be computed, why, and how long it would take
+    workers : number of processes that run in parallel; by default as many as cores and memory allow
+    memory : memory limit of one process [GB]; by default its share of the machine's memory
+    scheduler : Dask cluster to use: the address of its scheduler, or its scheduler file
+    threads : number of threads of each process; 1 by default, all cores for a single job
     """
 
     resume: bool = False

@@ -29,12 +29,13 @@ class TransferFiles:
 
     Attributes
     ----------
-    to : model with more joints (.osim or .xml)
-    out : model to write (.osim); tables go into a folder beside it
-    pose : coordinates of the subject's model (.mot or .sto) in whose first frame it stands much
-        like the other's default pose; its own default pose without
-    motion : coordinates of the subject's model over time, carried to the other: into the folder
-        `motions` of the tables
+    to : model with more joints (.osim or .xml), which gets the subject's lengths, markers and
+        masses
+    out : model to write (.osim); tables go into a folder next to it
+    pose : coordinates of the subject's model (.mot or .sto), whose first frame resembles the other
+        model's default pose; by default the subject model's own default pose
+    motion : coordinates of the subject's model over time, also transferred and written into the
+        folder 'motions' of the tables
     """
 
     model: ModelFile

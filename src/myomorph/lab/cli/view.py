@@ -30,13 +30,17 @@ class MovieFlags:
 
     Attributes
     ----------
-    movie : write a movie instead: OUT.gif, OUT.webp or OUT.png, the body beside its curves
+    movie : write a movie to this file (.gif, .webp or .png), with the body next to its curves,
+        instead of opening a page
+        instead of opening a page
     size : width and height of the movie [pixels]
-    time : part of the recording, its begin and end [s]; all of it by default, up to 20 s
-    seconds : that the movie lasts; the speed follows
-    speed : 0.5 is half as fast as it was; 1 by default
-    curves : up to three: coordinates, moments (knee_angle_r_moment), muscles, joints with contact
-        forces, or forces, with their side or without; by default those that say most
+    time : START END [s]: part of the recording that the movie shows; all of it by default, up to 20
+        s
+    seconds : duration of the movie [s], which determines its speed
+    speed : playback speed relative to real time, 1 by default; 0.5 is half as fast
+    curves : up to three curves: coordinates, moments (knee_angle_r_moment), muscles, joints with
+        contact forces, or external forces, with or without their side; by default the most
+        informative ones
     """
 
     movie: Path | None = None
@@ -65,11 +69,11 @@ def view_command(
 
     Parameters
     ----------
-    folders : of results; several are shown in one scene, with one clock
-    port : of the page; any free one by default
+    folders : folders of results; several are shown in one scene with one clock
+    port : port of the page; a free one by default
     browser : open the page in the browser
-    geometry : folder of the bones' meshes, where they are not beside the model
-    movie : write a movie in the place of the page
+    geometry : folder of the bone meshes, if they are not next to the model
+    movie : options of a movie, which replaces the page
     """
     from myomorph.lab.study.trial.viewing import Appearance
 

@@ -60,9 +60,9 @@ class Differentiation:
 
     Attributes
     ----------
-    cutoff : Low-pass filter of coordinates and external forces [Hz]; 0 for none, as OpenSim's
-        default; by default the one that the noise of the recording asks for, none where it is
-        smooth already (`choose_cutoff`).
+    cutoff : Cutoff frequency of the low-pass filter of coordinates and external forces [Hz]; 0 for
+        none, as OpenSim's default; by default it is chosen by the noise of the recording, and
+        smooth motions are not filtered (`choose_cutoff`).
     """
 
     cutoff: float | None = None
@@ -80,15 +80,15 @@ class ForceOptions:
 
     Attributes
     ----------
-    force_checks : external forces are compared with the motion: repair what is certain,
-        report it only, or none
-    force_shift : added to the times of external forces, where their clock is not the motion's [s]
-    force_columns : names of the columns of a table of forces in their order, between commas, where
-        its heading does not say them: time,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1,Mx1, ...; - for a column
-        to leave out
-    force_rate : rows a second of a table of forces without times [Hz]
-    force_origins : points that moments of forces without a center of pressure are about, along the
-        table's axes [m]: x,y,z of each force, between semicolons; by default the origin
+    force_checks : comparison of external forces with the motion: repair (correct certain errors),
+        report (only report them) or none
+    force_shift : offset added to the times of external forces, if their clock differs from the
+        motion's [s]
+    force_columns : names of the columns of a table of forces in order, separated by commas, if its
+        header does not state them: time,Fx1,Fy1,Fz1,COPx1,COPy1,COPz1,Mx1, ...; - skips a column
+    force_rate : sampling rate of a table of forces without times [Hz]
+    force_origins : reference points of the moments of forces without a center of pressure, along
+        the table's axes [m]: x,y,z of each force, separated by semicolons; by default the origin
     """
 
     force_checks: Literal["repair", "report", "none"] = "repair"
@@ -108,11 +108,11 @@ class TorqueTable:
 
     Attributes
     ----------
-    net : take off what springs, dampers and limits of joints and the viscosity of muscles give, as
-        OpenSim's tool does where forces_to_exclude is Muscles; by default nothing is taken off, as
-        with ALL
-    independent_coordinates : only independent coordinates, with the forces of dependent ones (of
-        couplers and closed loops) projected onto them; by default every coordinate has its own
+    net : subtract the forces of springs, dampers and limits of joints and of the muscles'
+        viscosity, as OpenSim's tool does with forces_to_exclude Muscles; by default nothing is
+        subtracted, as with ALL
+    independent_coordinates : write only independent coordinates, with the forces of dependent ones
+        (of couplers and closed loops) projected onto them; by default every coordinate has its own
         column, as in OpenSim
     """
 
@@ -122,7 +122,7 @@ class TorqueTable:
 
 @dataclass(frozen=True)
 class EmgUse:
-    """EMG does not take part in muscle tensions; it is shown beside the activations."""
+    """Show EMG with the activations, but do not use it for muscle tensions."""
 
     emg_display_only: bool = False
 
@@ -133,10 +133,10 @@ class TensionTables:
 
     Attributes
     ----------
-    reactions : loads that joints transmit to their child bodies, in the axes of the child, the
-        parent or the ground (OpenSim's default); written as joint_reactions.sto
-    intervals : at how many instants, evenly spaced, to ask what the data leave open of estimated
-        contact forces (contact_intervals.sto); 0 for none
+    reactions : write the loads that joints transmit to their child bodies (joint_reactions.sto), in
+        the axes of the child, the parent or the ground (OpenSim's default)
+    intervals : number of evenly spaced times at which the range of estimated contact forces that
+        the data allow is computed (contact_intervals.sto); 0 for none
     """
 
     reactions: Literal["none", "child", "parent", "ground"] = "none"
@@ -153,8 +153,8 @@ class ReportOptions:
 
     Attributes
     ----------
-    preset : kind of motion, which says what panels, muscles and phases are shown; chosen by what
-        the recording shows where it is not specified
+    preset : kind of motion, which determines panels, muscles and phases shown; by default the one
+        that fits the recording
     muscles : muscles shown, by the report's names ("Soleus") or the model's, instead of those of
         the preset
     """

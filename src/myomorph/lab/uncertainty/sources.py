@@ -45,57 +45,63 @@ class Sources:
 
     Attributes
     ----------
-    marker_noise : of a camera system, each marker, frame and axis by itself [m]
-    skin_thigh, skin_shank, skin_foot, skin_trunk, skin_arm : movement of skin on bone, each axis
-        [m]: half of its variance moves all markers of a segment alike, half each by itself; more
-        where a marker's own residual is larger (Peters et al. 2010 and Leardini et al. 2005 collect
-        what was measured)
-    skin_time : over which skin keeps its place: standard deviation of the Gaussian that correlates
-        it [s]
-    angle : of joint angles that were given without markers, correlated in the same way [rad]
-    placement : of the model's markers on their bodies, each axis, the same in all frames [m] (Della
-        Croce et al. 2005)
-    sensor_noise : of an inertial sensor's orientation against its bone about each axis, correlated
-        as skin is [rad]
-    sensor_mounting : of mountings and headings of inertial sensors, relative to what their
-        calibration leaves open
-    untracked_coordinates : of coordinates that no marker determines, relative to the standard
+    marker_noise : noise of the camera system, of each marker, frame and axis independently [m]
+    skin_thigh, skin_shank, skin_foot, skin_trunk, skin_arm : movement of the skin relative to the
+        bone along each axis [m]; half of its variance is common to all markers of a segment, half
+        independent; more where a marker's own residual is larger (Peters et al. 2010 and Leardini
+        et al. 2005 collect measured values)
+    skin_time : correlation time of the skin's movement: standard deviation of the Gaussian that
+        correlates it [s]
+    angle : error of joint angles that were given without markers, with the same correlation time
+        [rad]
+    placement : constant error of the position of the model's markers on their bodies, along each
+        axis [m] (Della Croce et al. 2005)
+    sensor_noise : error of an inertial sensor's orientation relative to the bone about each axis,
+        with the correlation time of the skin [rad]
+    sensor_mounting : error of the mounting and heading of inertial sensors, relative to the
+        standard deviation that their calibration states
+    untracked_coordinates : error of coordinates that no marker determines, relative to the standard
         deviation that inverse kinematics states of its assumption
-    plate_position : of a plate, along both horizontal axes [m] (Collins et al. 2009)
-    plate_rotation : of a plate among the markers about each axis, which turns its forces [rad]:
-        root mean square of the plates whose corners were surveyed in c3d.org's sample files
-    plate_gain : of each axis of a plate's force, as a share of it (Collins et al. 2009)
-    clock : of the forces against the motion [s]; checks find no less than 12 ms
-    contact_time : at which a contact whose force is estimated begins, and ends [s] (Zeni et al.
+    plate_position : error of a plate's position along both horizontal axes [m] (Collins et al.
+        2009)
+    plate_rotation : error of a plate's orientation about each axis, which rotates its forces [rad]:
+        root mean square over the plates with surveyed corners in c3d.org's sample files
+    plate_gain : relative error of the gain of each axis of a plate's force (Collins et al. 2009)
+    clock : offset of the clock of the forces relative to the motion [s]; checks detect offsets from
+        12 ms
+    contact_time : error of the start and end of a contact whose force is estimated [s] (Zeni et al.
         2008)
-    contact_point : of such a contact on its body, each axis [m]
-    body_mass : of the whole body, as a share: stated masses and what plates carry differ by 0 to 4
-        %
-    segment_mass : of each body, as a share of it, beside the error of the whole (Rao et al. 2006)
-    mass_center : of each body and axis, as a share of its radius of gyration
-    inertia : of each body, as a share
-    joint_center : of each joint and axis [m] (Kainz et al. 2015)
-    joint_axis : orientation of each joint's axes about each of the three [rad]
-    leg_alignment : angle between thigh and shank seen from the front, about each knee [rad]: a
-        generic model's legs are scaled, not bowed, and groups of adults have deviations of 1.8 to
-        3.2 degrees (Nicolella et al. 2012)
-    filter_cutoff : of the low-pass filter, as a share: so far from it are those that recorded
-        forces ask for
-    attachment : of each point of a muscle path and axis [m] (Carbone et al. 2012)
+    contact_point : error of the position of such a contact on its body, along each axis [m]
+    body_mass : relative error of body mass; stated masses and plate measurements differ by 0 to 4 %
+    segment_mass : relative error of each segment's mass, in addition to that of body mass (Rao et
+        al. 2006)
+    mass_center : error of each segment's center of mass along each axis, relative to its radius of
+        gyration
+    inertia : relative error of each segment's inertia
+    joint_center : error of each joint center along each axis [m] (Kainz et al. 2015)
+    joint_axis : error of the orientation of each joint's axes about each of the three [rad]
+    leg_alignment : error of the frontal-plane angle between thigh and shank at each knee [rad]; a
+        generic model's legs are scaled without it, and it differs among adults by standard
+        deviations of 1.8 to 3.2 degrees (Nicolella et al. 2012)
+    filter_cutoff : relative error of the cutoff frequency of the low-pass filter; recorded forces
+        require cutoffs that differ by this much from the chosen one
+    attachment : error of each point of a muscle path along each axis [m] (Carbone et al. 2012)
     patella : place on the thigh, each axis [m] (Krevolin et al. 2004)
     patella_distance : from the knee's axis, alike in both knees of a person [m]: with `patella` as
         far as arms of the patellar tendon differ between people and ways to measure them
         (`core.muscles.published_arms`)
-    wrap_radius : of each wrapping surface, as a share
-    joint_contact_point : of each contact point of a joint, each axis [m]; bones of others, and legs
-        whose axes differ, move where condyles meet by millimetres (Lerner et al. 2015)
-    strength : of each muscle's maximum isometric force, as a share
-    fiber_length : optimal, of each muscle, as a share
-    slack_length : of each tendon, as a share of the optimal fiber length
-    emg_gain : of each channel of EMG, as a share
-    criterion : which effort is least is a convention: above 0 draws take the exponents 1.5, 2 or 3
-        (Crowninshield and Brand 1981), no, the usual or twice the load of joints, equal weights or
-        by volume; of contacts half find their forces before the muscles'
+    wrap_radius : relative error of the size of each wrapping surface
+    joint_contact_point : error of each contact point of a joint along each axis [m]; the bones of
+        other people, and legs with other axes, move the contact of the condyles by millimeters
+        (Lerner et al. 2015)
+    strength : relative error of each muscle's maximum isometric force
+    fiber_length : relative error of each muscle's optimal fiber length
+    slack_length : error of each tendon's slack length, relative to the optimal fiber length
+    emg_gain : relative error of the gain of each EMG channel
+    criterion : vary the criterion, which is a convention, if above 0: exponents of 1.5, 2 or 3
+        (Crowninshield and Brand 1981), none, the usual or twice the weight of joint loads, equal
+        weights or weights by volume; half of the draws with estimated contacts solve contact forces
+        first
     """
 
     marker_noise: float = 0.0005

@@ -31,9 +31,10 @@ def app_command(
 
     Parameters
     ----------
-    folder : of recordings to begin with
-    out : folder for recordings that are dropped; by default Myomorph in your documents
-    port : of the page; any free one by default
+    folder : folder of recordings that is opened at the start
+    out : folder for dropped recordings and their results; by default Myomorph in your documents
+        folder
+    port : port of the page; a free one by default
     browser : open the page in the browser
     """
     desk = Desk((out or documents_folder()).resolve())

@@ -168,12 +168,13 @@ class MapOptions:
 
     Attributes
     ----------
-    map : "ssd" blends local transforms of the feature points by their distance, "rbf" adds radial
-        functions to an affine map, "affine", "similarity" and "rigid" fit one transform to all
-    exponent : of the distance, in the weights of "ssd"
-    kernel : of "rbf", the distance or its cube
-    smoothing : how far "ssd" and "rbf" pass by the feature points, root mean square, for landmarks
-        picked with errors [m]; 0 goes through them
+    map : map of a bone; "ssd": local transforms of the feature points, blended by distance; "rbf":
+        an affine map and radial basis functions; "affine", "similarity" or "rigid": one transform
+        fitted to all points
+    exponent : exponent of the distance in the weights of map "ssd"
+    kernel : kernel of map "rbf": the distance ("r") or its cube ("r3")
+    smoothing : root mean square distance by which "ssd" and "rbf" may miss the feature points, for
+        landmarks that were picked with errors [m]; 0 interpolates them
     """
 
     map: MapKind = "ssd"

@@ -43,16 +43,16 @@ class MatchOptions:
 
     Attributes
     ----------
-    features : "dense" takes points spread over the matched surfaces, and landmarks where there are
-        some; "landmarks" takes the landmarks alone
-    feature_count : points that a dense match gives, spread evenly
-    match_points : of each surface in the non-rigid registration
-    stiffness : of the deformation, 1 by default
+    features : feature points of a bone; "dense": points spread over the matched surfaces, and
+        landmarks if there are some; "landmarks": landmarks alone
+    feature_count : number of feature points of a dense match, spread evenly
+    match_points : number of points of each surface in the non-rigid registration
+    stiffness : stiffness of the deformation relative to the default
     match_kernel_width : distance over which points move together, in standard deviations of the
         bone's points along an axis
-    landmark_error : standard deviation of a picked landmark, as a share of the bone's length
-    match_tolerance : of nearness, as a share of the bone's length: points further away are not
-        matched, parts further away not reached
+    landmark_error : standard deviation of a picked landmark, relative to the bone's length
+    match_tolerance : match distance, relative to the bone's length: source points farther from the
+        target are not matched, target parts farther from the source are not covered
     """
 
     features: Literal["dense", "landmarks"] = "dense"

@@ -138,16 +138,19 @@ class SensorOptions:
 
     Attributes
     ----------
-    imu_mounting : how each sensor's mounting on its body is found: "recording" from the calibration
-        pose and the whole recording, "pose" from the calibration pose alone, "model" from the
-        model's frames of the sensors' names
-    imu_noise : standard deviation of a sensor's orientation against its bone, of filter and skin
+    imu_mounting : source of the orientation of each sensor on its body; "recording": the
+        calibration pose and the whole recording; "pose": the calibration pose alone; "model": the
+        model's frames with the sensors' names
+    imu_noise : standard deviation of a sensor's orientation relative to the bone, from the sensor's
+        filter and the skin [rad]
+    imu_marker_noise : standard deviation of a marker's position relative to the bone, which weights
+        markers against sensors [m]
+    imu_pose_error : standard deviation of each joint angle in the calibration pose [rad]
+    imu_heading_error : standard deviation of each sensor's heading relative to the others at the
+        start [rad]
+    imu_heading_drift : standard deviation of the drift of each sensor's heading after one minute
         [rad]
-    imu_marker_noise : of a marker against its bone, which weights markers against sensors [m]
-    imu_pose_error : of each joint angle in the calibration pose [rad]
-    imu_heading_error : of each sensor's heading at the start against the others' [rad]
-    imu_heading_drift : of each sensor's heading, what it may have gained after a minute [rad]
-    imu_magnetometer : use magnetic fields, where raw signals hold them
+    imu_magnetometer : use magnetic fields, if the raw signals contain them
     """
 
     imu_mounting: Literal["recording", "pose", "model"] = "recording"
@@ -374,7 +377,7 @@ def with_orientations(
     Parameters
     ----------
     sensors : with angular velocities [rad/s] and accelerations [m/s^2], each (frames, sensors, 3)
-    magnetometer : use magnetic fields where there are any
+    magnetometer : use magnetic fields, if the raw signals contain them
     causal : run forwards alone
 
     Returns

@@ -65,21 +65,21 @@ class ContactOptions:
 
     Attributes
     ----------
-    formulation : "simultaneous": contact forces and muscle tensions in one problem; "sequential":
-        contact forces first, from the six equations of motion of each body that floats, muscles
-        after
-    compliance : cost of a contact force of one body weight at a contact (the sites of a group)
-        fully activated, in units of the effort a^2 of one muscle; at a site of activation s it is
-        sites of the group / s^2 times that
-    contact_passive : with rigid tendons, whether the muscles' passive elastic forces take part
-        while contact forces are found; tensions under these forces then follow `passive` (see
+    formulation : order of solution; "simultaneous": contact forces and muscle tensions in one
+        problem; "sequential": contact forces first, from the six equations of motion of each
+        floating body, then muscle tensions
+    compliance : cost of a contact force of one body weight at a fully activated contact (the sites
+        of a group), relative to the effort a^2 of one muscle; at a site with activation s it is
+        multiplied by the number of sites of the group / s^2
+    contact_passive : with rigid tendons, include the muscles' passive elastic forces while contact
+        forces are estimated; the tensions under these forces then follow `passive` (see
         docs/decisions/0019-tension-defaults.md)
-    smoothness : weight of (f_j - f_(j-1))^2 between frames, in units of `compliance`, for frames 10
-        ms apart
-    window : frames that are solved together when forces are smoothed (more where smoothness reaches
-        further)
-    sweeps : maximum passes over a window, each frame drawn to those beside it; they end earlier
-        when nothing changes
+    smoothness : weight of the squared change (f_j - f_(j-1))^2 of contact forces between frames, in
+        units of `compliance`, for frames 10 ms apart
+    window : number of frames that are solved together when contact forces are smoothed (more if
+        smoothness extends further)
+    sweeps : maximum number of sweeps over a window, each of which pulls every frame to its
+        neighbors; fewer if nothing changes
     """
 
     formulation: Literal["simultaneous", "sequential"] = "simultaneous"

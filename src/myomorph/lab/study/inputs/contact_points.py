@@ -24,9 +24,9 @@ class ContactPointsFile:
 
     Attributes
     ----------
-    contact_points : Share a joint's force among contact points (joint_contact_forces.sto): auto
-        (medial and lateral point of every knee, from the femur's mesh beside the model), a folder
-        with the bones' meshes, or a file of points (.toml).
+    contact_points : Distribution of a joint's force over contact points (joint_contact_forces.sto):
+        auto (a medial and a lateral point of every knee, from the femur's mesh next to the model),
+        a folder with the bone meshes, or a file of points (.toml).
     """
 
     contact_points: Annotated[str, WordOrFile(option_of="tension")] = ""

@@ -23,13 +23,13 @@ class ContactsFile:
 
     Attributes
     ----------
-    contacts : estimate contact forces that no plate measured: auto (sites under the model's feet),
-        a table of touches (.csv: site, start, stop), or a contact file (.toml); none leaves what
-        plates do not carry at the root; by default auto where that is most of the time over 10 %
-        of the weight
-    measured : what measured forces are used for where contacts are estimated: exact (default;
-        contacts only where nothing was measured), shared (each is known for all sites on it
-        together) or hidden
+    contacts : contacts whose forces are estimated, as no plate measured them: auto (sites under the
+        model's feet), a table of contact intervals (.csv: site, start, stop), a contact file
+        (.toml), or none, which leaves unmeasured forces to the root; by default auto where more
+        than 10 % of the weight is unmeasured most of the time
+    measured : use of measured forces where contacts are estimated: exact (default; contacts only
+        where nothing was measured), shared (the sum over all sites on a plate is known) or hidden
+        (not used)
     """
 
     contacts: Annotated[str, WordOrFile(words=("auto", NONE))] = ""

@@ -30,14 +30,14 @@ class EmgFiles:
 
     Attributes
     ----------
-    emg : EMG (.sto, .mot, .csv, .c3d), raw or envelopes; a channel named as a muscle is its target
-    emg_side : right or left: side of EMG channels whose names contain none
-    emg_muscles : CHANNEL=MUSCLE[,MUSCLE...] of EMG channels whose names contain no muscle, one or
-        more
-    emg_mvc : recordings of maximum voluntary contractions (as EMG): EMG is scaled to their largest
-        envelopes, and no gain is larger than that
-    emg_gains_file : gains of the subject's EMG channels found over all trials: gains.json of the
-        step 'emg' of a study; by default they are found on this recording alone
+    emg : EMG as raw signals or envelopes (.sto, .mot, .csv, .c3d); a channel belongs to the muscle
+        in its name
+    emg_side : side of EMG channels whose names contain none: right or left
+    emg_muscles : CHANNEL=MUSCLE[,MUSCLE...] ...: muscles of EMG channels whose names contain none
+    emg_mvc : recordings of maximum voluntary contractions; EMG is normalized to their largest
+        envelopes, which also limit the gains
+    emg_gains_file : gains of the subject's EMG channels, fitted over all trials (gains.json of the
+        step 'emg' of a study); by default they are fitted to this recording alone
     """
 
     emg: Annotated[Path | None, File(per="trial")] = None

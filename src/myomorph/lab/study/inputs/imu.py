@@ -27,16 +27,18 @@ class ImuFiles:
 
     Attributes
     ----------
-    imu : inertial sensors, one file or one of each sensor: orientations of OpenSim (.sto), Xsens
-        (.mvnx, .txt), Movella DOT or Delsys (.csv), APDM (.h5), channels of a recording (.c3d)
-    imu_pose : the same sensors while the body stands in the model's default pose; by default the
-        start of the recording where the body stands still, or markers
-    imu_pose_time : START END [s]: of the calibration pose, in its own recording or in that of the
-        sensors
-    imu_bodies : SENSOR=BODY ...: bodies of sensors that are not named like them; - leaves a sensor
-        out
+    imu : inertial sensors, in one file or one file per sensor: orientations of OpenSim (.sto),
+        Xsens (.mvnx, .txt), Movella DOT or Delsys (.csv), APDM (.h5), or channels of a recording
+        (.c3d)
+    imu_pose : calibration pose: recording of the same sensors while the body stands in the model's
+        default pose; by default the quiet standing at the start of the recording, or markers
+    imu_pose_time : START END [s]: time of the calibration pose, in its own recording or in that of
+        the sensors
+    imu_bodies : SENSOR=BODY ...: bodies of sensors whose names differ from the body's; - leaves a
+        sensor out
     imu_heading : SENSOR=AXIS ...: axis (x, -x, y, ...) of a sensor that points forward in the
-        calibration pose; one gives the heading of all, by default the recording tells it
+        calibration pose; one sensor determines the heading of all; by default it is found from the
+        recording
     """
 
     imu: Annotated[tuple[Path, ...], Files(per="trial")] = ()

@@ -18,7 +18,7 @@ class Labels:
 
     Attributes
     ----------
-    labels : Map of marker labels (.csv of lines "recorded,model", or .toml); an empty model name
+    labels : Names of markers (.csv with lines "recorded,model", or .toml); an empty model name
         drops a marker.
     """
 

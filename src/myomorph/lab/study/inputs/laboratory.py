@@ -35,8 +35,8 @@ class Laboratory:
 
     Attributes
     ----------
-    up : axis that points up; "" leaves it to the recording
-    turn : by which the recording is turned about the model's vertical, counterclockwise from above
+    up : vertical axis of the recording; by default it is detected
+    turn : rotation of the recording about the model's vertical, counterclockwise seen from above
         [degrees]
     """
 

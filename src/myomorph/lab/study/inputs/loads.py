@@ -42,10 +42,11 @@ class LoadsFile:
     ----------
     loads : external forces: an OpenSim external loads file (.xml), a table of forces (.mot, .sto,
         .csv), or a recording with force plates (.c3d)
-    bodies : PREFIX=BODY ...: what the columns of each force of a table begin with, and the body it
-        acts on; the foot that is nearest to its center of pressure by default
-    plates : BODY,BODY,...: bodies on a recording's force plates in their order, none for one that
-        is left out; the foot that is nearest to the center of pressure, step by step, by default
+    bodies : PREFIX=BODY ...: body on which each force of a table acts, by the prefix of its column
+        names; by default the foot nearest to its center of pressure
+    plates : BODY,BODY,...: bodies on the force plates of a recording, in the order of the plates,
+        none to leave a plate out; by default the foot nearest to the center of pressure at each
+        step
     """
 
     loads: Annotated[Path | None, File(per="trial")] = None

@@ -19,7 +19,7 @@ from myomorph.lab.study.inputs.laboratory import Laboratory
 
 @dataclass(frozen=True)
 class MarkersFile:
-    """Recording: .trc, .c3d, .mat or .h5."""
+    """Recording of markers (.trc, .c3d, .mat or .h5)."""
 
     markers: Annotated[Path | None, File(per="trial")] = None
 

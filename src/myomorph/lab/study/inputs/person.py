@@ -21,9 +21,9 @@ class RecordedPerson(Recorded):
 
     Attributes
     ----------
-    age : of the subject [years], which norms of gait are chosen by
-    sex : of the subject: female or male
-    height : of the subject [m]; by default as the recording says
+    age : age of the subject [years], which selects the norms of gait
+    sex : sex of the subject: female or male
+    height : height of the subject [m]; by default as stated in the recording
     """
 
     age: Annotated[float | None, KeyKind(per="subject")] = None

@@ -24,8 +24,8 @@ class SoftTissueFile:
 
     Attributes
     ----------
-    soft_tissue : How much more markers move than the body's mass: soft_tissue.csv of `identify` or
-        `refine`; it is taken from the motion before forces are computed.
+    soft_tissue : Soft-tissue motion of markers relative to the body's mass (soft_tissue.csv of
+        `identify` or `refine`), which is removed from the motion before forces are computed.
     """
 
     soft_tissue: Annotated[Path | None, File()] = None

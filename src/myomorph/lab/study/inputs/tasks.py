@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class TasksFile:
-    """OpenSim task set or setup file: weights of markers."""
+    """OpenSim task set or setup file with the weights of markers and coordinates."""
 
     tasks: Annotated[Path | None, File()] = None
 

@@ -15,7 +15,7 @@ from myomorph.lab.study.inputs.motion import MotionFile, RecordedMotion
 
 @dataclass(frozen=True)
 class TimeSpan:
-    """START END: use only this part of the recording [s]."""
+    """START END [s]: part of the recording that is used."""
 
     time: Annotated[tuple[float, float] | None, Span()] = None
 

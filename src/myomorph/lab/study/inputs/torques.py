@@ -33,9 +33,8 @@ class TorquesFile:
 
     Attributes
     ----------
-    torques : Joint torques from elsewhere (.sto, .mot), in the place of loads and inverse dynamics:
-        columns named as coordinates, or with _moment and _force as OpenSim's inverse dynamics names
-        them [N m, N].
+    torques : Joint torques (.sto, .mot) instead of loads and inverse dynamics; columns are named as
+        coordinates, or with _moment and _force as in OpenSim's inverse dynamics [N m, N].
     """
 
     torques: Annotated[Path | None, File(per="trial")] = None

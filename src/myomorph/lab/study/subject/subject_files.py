@@ -30,12 +30,12 @@ class BodyOptions:
 
     Attributes
     ----------
-    spacing : of the grid of mass points [m]
-    weights : which links a mass point belongs to: by its distance to the bones, to the links' mass
+    spacing : spacing of the grid of mass points [m]
+    weights : assignment of mass points to links: by the distance to the bones, to the links' mass
         centers ([D] eq. 3.14), or to the nearest mass center only (3.15); by default to the bones
-        in a skin, and each link's own points where only its envelope is known
-    density : inside a skin, the same everywhere ([D]), or that of each segment, the trunk light
-        with its lungs (Dempster 1955)
+        in a skin, and each link's own points if only its envelope is known
+    density : density inside a skin: the same everywhere ([D]), or that of each segment, lower in
+        the trunk with its lungs (Dempster 1955)
     """
 
     spacing: float = 0.005

@@ -75,28 +75,28 @@ class ViscosityOptions(InertiaOptions):
 
     Attributes
     ----------
-    tare : what the plate's zero leaves beside the limb: "known", nothing; "loaded", a constant load
-        of the base, so that the mass is at most what the constant force shows; "unknown": a
-        constant force and moment of every trial, as a zero set with the limb on it leaves: the mass
-        hides and only its moment shows
+    tare : load on the plate besides the limb after taring; "known": none; "loaded": a constant load
+        of the base, so that the constant force gives an upper bound of the mass; "unknown": a
+        constant force and moment in every trial, as after taring with the limb on the plate, so
+        that the mass is not identifiable and the limb's moment is
     prior_sd : relative standard deviation of the prior of the limb's inertia: a uniform cylinder
-        from the joint through the estimated mass center to twice its distance, of a tenth of that
+        from the joint through the estimated mass center to twice its distance, with a tenth of that
         distance as radius
-    instruments : find the inertia free of the noise of twice differentiated markers, by least
-        squares as the rows see it that hold the acceleration predicted from the state; without,
-        plain ones as the paper writes them
-    stiffness : fit a spring and a constant torque of each axis beside the viscosity, so that they
-        do not bias it; off, least squares as the paper writes them; by default a study does where a
-        law with a spring predicts held-out swings better than viscosity alone (this function alone
-        compares no laws, and fits it)
-    subtract : joint viscosity that step 3 takes off: the one value, or one an axis
-    spread : relative standard deviation of single muscles' viscosities about the common one
-    min_relative_speed : swings slower than this share of the fastest are left out (root mean square
-        of the rates)
-    block : swings that the bootstrap draws together
-    draws : of the bootstrap
-    seed : of the draws
-    level : of the intervals
+    instruments : estimate the inertia by instrumental variables (the acceleration predicted from
+        the state), which the noise of twice differentiated markers does not bias; otherwise by
+        ordinary least squares as in the paper
+    stiffness : also fit a spring and a constant torque about each axis, so that they do not bias
+        the viscosity; off, least squares as in the paper; by default a study fits them if a law
+        with a spring predicts held-out swings better than viscosity alone (this function alone
+        compares no laws, and fits them)
+    subtract : joint viscosity that step 3 subtracts: one common value, or one per axis
+    spread : relative standard deviation of the viscosities of single muscles about the common one
+    min_relative_speed : minimum speed of a swing relative to the fastest one (root mean square of
+        the rates); slower swings are left out
+    block : number of successive swings in a block of the bootstrap
+    draws : number of draws of the bootstrap
+    seed : seed of the random numbers
+    level : confidence level of the intervals
     """
 
     stiffness: bool | None = None

@@ -39,17 +39,17 @@ class TrackingOptions:
 
     Attributes
     ----------
-    cluster : a distance between two markers of a bone may differ from the model's by this much [m]
-    slip : a held joint, or the base, that turns by more is named [rad]
-    shift : a base that moves by more is named [m]
-    center : "motion" for the point about which the limb turns, "model" for the joint's center of
-        the model, which a limb that hardly turns keeps anyway
-    max_center_distance : distance of these two above which there is a warning [m]
-    clock : estimate offset and drift of the plate's clock against the markers' from the swing
-        itself
-    find_contact : find the frames in which the wrench says that something besides the joint carries
+    cluster : maximum difference of the distance between two markers of a bone from the model's [m];
+        larger ones trigger a warning
+    slip : maximum rotation of the base or of a held joint [rad]; larger ones trigger a warning
+    shift : maximum translation of the base [m]; larger ones trigger a warning
+    center : joint center; "motion": the point about which the limb rotates; "model": the model's,
+        which is also used if the limb hardly rotates
+    max_center_distance : maximum distance of these two centers [m]; larger ones trigger a warning
+    clock : estimate offset and drift of the plate's clock relative to the markers' from the swing
+    find_contact : detect frames in which, by the wrench, something other than the joint supports
         the limb
-    contact_threshold : share of the swing's largest change of force below which a mismatch is no
+    contact_threshold : share of the swing's largest change of force above which a residual is a
         contact
     """
 

@@ -34,8 +34,8 @@ class FilterOptions:
 
     Attributes
     ----------
-    cutoff : of motion and wrench [Hz]; by default the one that residual analysis of the recordings
-        asks for
+    cutoff : cutoff frequency of the low-pass filter of motion and wrench [Hz]; by default chosen by
+        residual analysis of the recordings
     """
 
     cutoff: float | None = None

@@ -102,15 +102,15 @@ class DrawOptions:
 
     Attributes
     ----------
-    draws : inputs drawn with all their errors; the limits hold 90 % of what comes of them
-    contributions : further draws for each group of sources (at most as many as `draws`), once with
-        it alone and once with all but it, for the table of what each contributes; 0 for no such
-        table
-    all_frames : draw every frame; by default poses are drawn 50 times and tensions 25 times a
-        second, and what lies between is interpolated
-    draw_seed : other random numbers for another one
-    widened : widen limits by the factors that simulated recordings with other errors than assumed
-        ask for
+    draws : number of draws of all inputs with their errors; 90 % of the results lie within the
+        bounds
+    contributions : number of further draws for each group of error sources (at most `draws`), with
+        this group alone and with all others, for the table of contributions; 0 for no such table
+    all_frames : recompute every frame; by default poses are recomputed at 50 frames per second and
+        tensions at 25, and interpolated between
+    draw_seed : seed of the random numbers
+    widened : widen intervals by factors found on simulated recordings whose errors differ from the
+        assumed ones
     """
 
     draws: int = 200
@@ -132,8 +132,8 @@ class DrawWorkers:
 
     Attributes
     ----------
-    workers : Processes that share the draws; 0 for as many as there are threads to use, where that
-        is worth their start.
+    workers : Number of processes that share the draws; 0 for as many as threads, if that saves
+        time.
     """
 
     workers: int = 0
