@@ -9,8 +9,8 @@ EXTENSION = Extension(
         "simulate": CommandEntry(
             function="myomorph.forward.command:simulate_command",
             help=(
-                "Forward dynamics under muscles, torques, passive forces and contacts, and what"
-                " if it were weaker, heavier or more viscous."
+                "Forward dynamics under muscles, torques, passive forces and contacts, also with"
+                " other strength, mass or viscosity."
             ),
             example="myomorph simulate --model arm.osim --seconds 1 --out fall",
             panel="The movement and its forces",
