@@ -25,74 +25,18 @@ def at(x, y, z):
     return Transform(np.eye(3), np.array([x, y, z]))
 
 
+SLIDES = ("pelvis_tx", "pelvis_ty")
+SIDES = {"r": 0.1, "l": -0.1}  # Where the hips are, along z [m].
+
+
 def walker():
     """Make a pelvis that slides in the plane, and two legs with a hip and a knee."""
-    slides = ("pelvis_tx", "pelvis_ty")
-    root = tuple(
-        Axis(kind="translation", vector=np.eye(3)[i], function=linear(1.0), coordinates=(name,))
-        for i, name in enumerate(slides)
-    )
-    bodies = ["pelvis"]
-    joints = [
-        Joint(
-            name="root",
-            kind="CustomJoint",
-            parent=GROUND,
-            child="pelvis",
-            parent_frame=HERE,
-            child_frame=HERE,
-            axes=root,
-            coordinates=slides,
-        )
-    ]
-    names = [*slides]
+    joints = [root_joint(), *(joint for side in SIDES for joint in leg_joints(side))]
+    bodies = [joint.child for joint in joints]
+    names = [name for joint in joints for name in joint.coordinates]
     markers = [Marker(f"P{k}", "pelvis", np.eye(3)[k] * 0.1) for k in range(3)]
-    muscles = []
-    for side, z in (("r", 0.1), ("l", -0.1)):
-        for parent, child, place, angle in (
-            ("pelvis", f"thigh_{side}", at(0.0, 0.0, z), f"hip_flexion_{side}"),
-            (f"thigh_{side}", f"foot_{side}", at(0.0, -0.4, 0.0), f"knee_angle_{side}"),
-        ):
-            hinge = (
-                Axis(
-                    kind="rotation",
-                    vector=np.array([0.0, 0.0, 1.0]),
-                    function=linear(1.0),
-                    coordinates=(angle,),
-                ),
-            )
-            joints.append(
-                Joint(
-                    name=f"to_{child}",
-                    kind="CustomJoint",
-                    parent=parent,
-                    child=child,
-                    parent_frame=place,
-                    child_frame=at(0.0, 0.4 * child.startswith("foot"), 0.0),
-                    axes=hinge,
-                    coordinates=(angle,),
-                )
-            )
-            bodies.append(child)
-            names.append(angle)
-            markers += [
-                Marker(f"{child}_{k}", child, np.array(p))
-                for k, p in enumerate(((0.1, 0.0, 0.0), (0.0, -0.1, 0.05)))
-            ]
-        points = (
-            PathPoint("a", "pelvis", np.array([0.1, 0.0, z])),
-            PathPoint("b", f"foot_{side}", np.array([0.05, 0.3, 0.0])),
-        )
-        muscles.append(
-            Muscle(
-                name=f"rectus_{side}",
-                kind="Thelen2003Muscle",
-                path=Path(points),
-                max_isometric_force=500.0,
-                optimal_fiber_length=0.1,
-                tendon_slack_length=0.3,
-            )
-        )
+    for body in bodies[1:]:
+        markers += leg_markers(body)
     return Model(
         name="walker",
         bodies=tuple(
@@ -102,13 +46,82 @@ def walker():
         joints=tuple(joints),
         coordinates=tuple(
             Coordinate(
-                name, "translational" if name in slides else "rotational", range=(-10.0, 10.0)
+                name, "translational" if name in SLIDES else "rotational", range=(-10.0, 10.0)
             )
             for name in names
         ),
         gravity=np.array([0.0, -9.81, 0.0]),
         markers=tuple(markers),
-        muscles=tuple(muscles),
+        muscles=tuple(map(rectus, SIDES)),
+    )
+
+
+def root_joint():
+    """Return the joint by which the pelvis slides along x and y."""
+    axes = tuple(
+        Axis(kind="translation", vector=np.eye(3)[i], function=linear(1.0), coordinates=(name,))
+        for i, name in enumerate(SLIDES)
+    )
+    return Joint(
+        name="root",
+        kind="CustomJoint",
+        parent=GROUND,
+        child="pelvis",
+        parent_frame=HERE,
+        child_frame=HERE,
+        axes=axes,
+        coordinates=SLIDES,
+    )
+
+
+def leg_joints(side):
+    """Return hip and knee of a side, the hip first."""
+    thigh = f"thigh_{side}"
+    foot = f"foot_{side}"
+    hip = hinge("pelvis", thigh, at(0.0, 0.0, SIDES[side]), HERE, f"hip_flexion_{side}")
+    knee = hinge(thigh, foot, at(0.0, -0.4, 0.0), at(0.0, 0.4, 0.0), f"knee_angle_{side}")
+    return hip, knee
+
+
+def hinge(parent, child, in_parent, in_child, angle):
+    """Return a hinge about z, by the frames of the joint in both bodies."""
+    axis = Axis(
+        kind="rotation",
+        vector=np.array([0.0, 0.0, 1.0]),
+        function=linear(1.0),
+        coordinates=(angle,),
+    )
+    return Joint(
+        name=f"to_{child}",
+        kind="CustomJoint",
+        parent=parent,
+        child=child,
+        parent_frame=in_parent,
+        child_frame=in_child,
+        axes=(axis,),
+        coordinates=(angle,),
+    )
+
+
+def leg_markers(body):
+    """Return the two markers on a thigh or a foot."""
+    places = ((0.1, 0.0, 0.0), (0.0, -0.1, 0.05))
+    return [Marker(f"{body}_{k}", body, np.array(place)) for k, place in enumerate(places)]
+
+
+def rectus(side):
+    """Return the muscle of a side, from the pelvis over hip and knee to the foot."""
+    points = (
+        PathPoint("a", "pelvis", np.array([0.1, 0.0, SIDES[side]])),
+        PathPoint("b", f"foot_{side}", np.array([0.05, 0.3, 0.0])),
+    )
+    return Muscle(
+        name=f"rectus_{side}",
+        kind="Thelen2003Muscle",
+        path=Path(points),
+        max_isometric_force=500.0,
+        optimal_fiber_length=0.1,
+        tendon_slack_length=0.3,
     )
 
 

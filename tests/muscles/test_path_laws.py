@@ -30,6 +30,8 @@ from myomorph.core.muscles.model_paths import compile_paths
 STEP = 1e-6
 HERE = Transform.identity()
 ROOT = ("rx", "ry", "rz", "tx", "ty", "tz")
+HIP = ("hip", "out")
+KNEE = ("knee", "glide")
 
 
 def at(x, y, z, rotation=None):
@@ -52,112 +54,18 @@ def leg(muscles=None):
 
     The shank rotates and glides, as a knee with a coupler does.
     """
-    axes = tuple(
-        Axis(
-            kind="rotation" if i < 3 else "translation",
-            vector=np.eye(3)[i % 3],
-            function=linear(1.0),
-            coordinates=(name,),
-        )
-        for i, name in enumerate(ROOT)
-    )
-    hip = (
-        Axis(
-            kind="rotation",
-            vector=np.array([0.0, 0.0, 1.0]),
-            function=linear(1.0),
-            coordinates=("hip",),
-        ),
-        Axis(
-            kind="rotation",
-            vector=np.array([1.0, 0.0, 0.0]),
-            function=linear(1.0),
-            coordinates=("out",),
-        ),
-    )
-    knee = (
-        Axis(
-            kind="translation",
-            vector=np.array([1.0, 0.0, 0.0]),
-            function=polynomial([0.0, 0.01, 0.02]),
-            coordinates=("knee",),
-        ),
-        Axis(
-            kind="translation",
-            vector=np.array([0.0, 1.0, 0.0]),
-            function=linear(1.0),
-            coordinates=("glide",),
-        ),
-        Axis(
-            kind="rotation",
-            vector=np.array([0.0, 0.0, 1.0]),
-            function=linear(1.0),
-            coordinates=("knee",),
-        ),
-    )
-    bodies = tuple(
-        Body(name=name, mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3))
-        for name in ("trunk", "thigh", "shank")
-    )
+    coordinates = (*ROOT, *HIP, *KNEE)
     return Model(
         name="leg",
-        bodies=bodies,
-        joints=(
-            Joint(
-                name="root",
-                kind="CustomJoint",
-                parent=GROUND,
-                child="trunk",
-                parent_frame=HERE,
-                child_frame=HERE,
-                axes=axes,
-                coordinates=ROOT,
-            ),
-            Joint(
-                name="hip",
-                kind="CustomJoint",
-                parent="trunk",
-                child="thigh",
-                parent_frame=at(0.0, -0.1, 0.0),
-                child_frame=HERE,
-                axes=hip,
-                coordinates=("hip", "out"),
-            ),
-            Joint(
-                name="knee",
-                kind="CustomJoint",
-                parent="thigh",
-                child="shank",
-                parent_frame=at(0.0, -0.4, 0.0),
-                child_frame=HERE,
-                axes=knee,
-                coordinates=("knee", "glide"),
-            ),
+        bodies=tuple(
+            Body(name=name, mass=1.0, mass_center=np.zeros(3), inertia=np.eye(3))
+            for name in ("trunk", "thigh", "shank")
         ),
-        coordinates=tuple(
-            Coordinate(name, range=(-2.0, 2.0)) for name in (*ROOT, "hip", "out", "knee", "glide")
-        ),
+        joints=(root_joint(), hip_joint(), knee_joint()),
+        coordinates=tuple(Coordinate(name, range=(-2.0, 2.0)) for name in coordinates),
         gravity=np.array([0.0, -9.81, 0.0]),
         muscles=ways() if muscles is None else muscles,
-        wrap_objects=(
-            WrapObject(
-                name="shaft",
-                body="thigh",
-                kind="cylinder",
-                pose=at(0.0, -0.4, 0.0),
-                size=(0.04, 1.0),
-            ),
-            WrapObject(
-                name="ball", body="thigh", kind="sphere", pose=at(0.0, -0.38, 0.01), size=(0.04,)
-            ),
-            WrapObject(
-                name="egg",
-                body="thigh",
-                kind="ellipsoid",
-                pose=at(0.0, -0.38, 0.01),
-                size=(0.03, 0.05, 0.06),
-            ),
-        ),
+        wrap_objects=surfaces(),
         couplers=(
             Coupler(
                 name="glide",
@@ -166,6 +74,75 @@ def leg(muscles=None):
                 independents=("knee",),
             ),
         ),
+    )
+
+
+def moving_axis(kind, direction, coordinate, function=None):
+    """Make an axis along x, y or z that moves by its coordinate, or by a function of it."""
+    return Axis(
+        kind=kind,
+        vector=np.eye(3)["xyz".index(direction)],
+        function=linear(1.0) if function is None else function,
+        coordinates=(coordinate,),
+    )
+
+
+def root_joint():
+    """Make the joint of the trunk, which moves freely."""
+    kinds = ("rotation",) * 3 + ("translation",) * 3
+    return Joint(
+        name="root",
+        kind="CustomJoint",
+        parent=GROUND,
+        child="trunk",
+        parent_frame=HERE,
+        child_frame=HERE,
+        axes=tuple(map(moving_axis, kinds, "xyzxyz", ROOT)),
+        coordinates=ROOT,
+    )
+
+
+def hip_joint():
+    """Make a joint with two hinges."""
+    return Joint(
+        name="hip",
+        kind="CustomJoint",
+        parent="trunk",
+        child="thigh",
+        parent_frame=at(0.0, -0.1, 0.0),
+        child_frame=HERE,
+        axes=(moving_axis("rotation", "z", "hip"), moving_axis("rotation", "x", "out")),
+        coordinates=HIP,
+    )
+
+
+def knee_joint():
+    """Make a hinge that moves forward as it rotates, and glides."""
+    return Joint(
+        name="knee",
+        kind="CustomJoint",
+        parent="thigh",
+        child="shank",
+        parent_frame=at(0.0, -0.4, 0.0),
+        child_frame=HERE,
+        axes=(
+            moving_axis("translation", "x", "knee", polynomial([0.0, 0.01, 0.02])),
+            moving_axis("translation", "y", "glide"),
+            moving_axis("rotation", "z", "knee"),
+        ),
+        coordinates=KNEE,
+    )
+
+
+def surfaces():
+    """Make a cylinder, a sphere and an ellipsoid on the thigh."""
+    below = at(0.0, -0.38, 0.01)
+    return (
+        WrapObject(
+            name="shaft", body="thigh", kind="cylinder", pose=at(0.0, -0.4, 0.0), size=(0.04, 1.0)
+        ),
+        WrapObject(name="ball", body="thigh", kind="sphere", pose=below, size=(0.04,)),
+        WrapObject(name="egg", body="thigh", kind="ellipsoid", pose=below, size=(0.03, 0.05, 0.06)),
     )
 
 

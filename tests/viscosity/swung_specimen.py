@@ -59,85 +59,7 @@ def arm_model() -> Model:
 
     The wrist has two axes.
     """
-
-    def body(name: str, mass: float, center: tuple[float, float, float]) -> Body:
-        return Body(
-            name=name,
-            mass=mass,
-            mass_center=np.array(center),
-            inertia=mass * np.diag([0.004, 0.001, 0.004]),
-        )
-
-    def joint(name: str, parent: str, child: str, at, axes=(), turn=(0.0, 0.0, 0.0)) -> Joint:
-        frame = Transform.from_euler_xyz(turn, at)
-        made = tuple(
-            Axis(
-                kind="rotation",
-                vector=np.eye(3)["xyz".index(axis)],
-                function=linear(1.0),
-                coordinates=(one,),
-            )
-            for axis, one in axes
-        )
-        return Joint(
-            name=name,
-            kind="made",
-            parent=parent,
-            child=child,
-            parent_frame=frame,
-            child_frame=Transform.identity(),
-            axes=made,
-            coordinates=tuple(one for _, one in axes),
-        )
-
-    def path(name: str) -> Path:
-        return Path(
-            tuple(
-                PathPoint(f"{name}{i}", one, np.array(at))
-                for i, (one, at) in enumerate(PATHS[name])
-            )
-        )
-
-    bodies = (
-        body("trunk", 20.0, (0.0, 0.1, 0.0)),
-        body("scapula", 0.5, (-0.04, -0.03, -0.04)),
-        body("phantom", 1e-4, (0.0, 0.0, 0.0)),
-        body("humerus", 1.2, (0.01, -0.14, -0.01)),
-        body("ulna", 0.4, (0.01, -0.1, 0.02)),
-        body("radius", 0.3, (0.01, -0.12, 0.01)),
-        body("carpus", 0.1, (0.0, -0.01, 0.0)),
-        body("hand", 0.2, (0.0, -0.06, 0.0)),
-        body("finger", 0.05, (0.0, -0.02, 0.0)),
-    )
-    joints = (
-        joint("root", GROUND, "trunk", (0.0, 1.0, 0.0), [("y", "heading")]),
-        joint(
-            "scapulothoracic",
-            "trunk",
-            "scapula",
-            (0.0, 0.4, 0.15),
-            [("y", "protraction")],
-            (0.1, -0.5, 0.2),
-        ),
-        joint(
-            "plane",
-            "scapula",
-            "phantom",
-            (-0.01, -0.03, 0.01),
-            [("y", "plane"), ("x", "elevation")],
-            (0.0, 0.4, 0.1),
-        ),
-        joint("rotation", "phantom", "humerus", (0.0, 0.0, 0.0), [("y", "rotation")]),
-        joint(
-            "elbow", "humerus", "ulna", (0.005, -0.29, -0.01), [("z", "elbow")], (0.05, 0.0, 0.1)
-        ),
-        joint("forearm", "ulna", "radius", (0.0, -0.01, 0.02), [("y", "forearm")]),
-        joint(
-            "wrist", "radius", "carpus", (0.02, -0.23, 0.01), [("x", "wrist_a")], (0.0, 0.3, 0.0)
-        ),
-        joint("palm", "carpus", "hand", (0.0, -0.02, 0.0), [("z", "wrist_b")]),
-        joint("finger", "hand", "finger", (0.0, -0.09, 0.0), [("z", "grip")]),
-    )
+    joints = arm_joints()
     names = [name for one in joints for name in one.coordinates]
     coordinates = tuple(
         Coordinate(name, default=0.2 if name == "elevation" else 0.0) for name in names
@@ -146,7 +68,7 @@ def arm_model() -> Model:
         Muscle(
             name=name,
             kind="made",
-            path=path(name),
+            path=muscle_path(name),
             max_isometric_force=FORCES[name],
             optimal_fiber_length=0.1,
             tendon_slack_length=0.1,
@@ -155,11 +77,99 @@ def arm_model() -> Model:
     )
     return Model(
         name="arm",
-        bodies=bodies,
+        bodies=arm_bodies(),
         joints=joints,
         coordinates=coordinates,
         gravity=np.array([0.0, -9.81, 0.0]),
         muscles=muscles,
+    )
+
+
+def arm_bodies() -> tuple[Body, ...]:
+    """Return the bodies from the trunk to a finger."""
+    return (
+        made_body("trunk", 20.0, (0.0, 0.1, 0.0)),
+        made_body("scapula", 0.5, (-0.04, -0.03, -0.04)),
+        made_body("phantom", 1e-4, (0.0, 0.0, 0.0)),
+        made_body("humerus", 1.2, (0.01, -0.14, -0.01)),
+        made_body("ulna", 0.4, (0.01, -0.1, 0.02)),
+        made_body("radius", 0.3, (0.01, -0.12, 0.01)),
+        made_body("carpus", 0.1, (0.0, -0.01, 0.0)),
+        made_body("hand", 0.2, (0.0, -0.06, 0.0)),
+        made_body("finger", 0.05, (0.0, -0.02, 0.0)),
+    )
+
+
+def made_body(name: str, mass: float, center: tuple[float, float, float]) -> Body:
+    """Return a body of a mass [kg] with its center at a place [m]."""
+    return Body(
+        name=name,
+        mass=mass,
+        mass_center=np.array(center),
+        inertia=mass * np.diag([0.004, 0.001, 0.004]),
+    )
+
+
+def arm_joints() -> tuple[Joint, ...]:
+    """Return the joints from the ground to a finger."""
+    return (
+        made_joint("root", GROUND, "trunk", (0.0, 1.0, 0.0), [("y", "heading")]),
+        made_joint(
+            "scapulothoracic",
+            "trunk",
+            "scapula",
+            (0.0, 0.4, 0.15),
+            [("y", "protraction")],
+            (0.1, -0.5, 0.2),
+        ),
+        made_joint(
+            "plane",
+            "scapula",
+            "phantom",
+            (-0.01, -0.03, 0.01),
+            [("y", "plane"), ("x", "elevation")],
+            (0.0, 0.4, 0.1),
+        ),
+        made_joint("rotation", "phantom", "humerus", (0.0, 0.0, 0.0), [("y", "rotation")]),
+        made_joint(
+            "elbow", "humerus", "ulna", (0.005, -0.29, -0.01), [("z", "elbow")], (0.05, 0.0, 0.1)
+        ),
+        made_joint("forearm", "ulna", "radius", (0.0, -0.01, 0.02), [("y", "forearm")]),
+        made_joint(
+            "wrist", "radius", "carpus", (0.02, -0.23, 0.01), [("x", "wrist_a")], (0.0, 0.3, 0.0)
+        ),
+        made_joint("palm", "carpus", "hand", (0.0, -0.02, 0.0), [("z", "wrist_b")]),
+        made_joint("finger", "hand", "finger", (0.0, -0.09, 0.0), [("z", "grip")]),
+    )
+
+
+def made_joint(name: str, parent: str, child: str, at, axes=(), turn=(0.0, 0.0, 0.0)) -> Joint:
+    """Return a joint at a place [m] and turned [rad] in its parent, with axes for coordinates."""
+    made = tuple(
+        Axis(
+            kind="rotation",
+            vector=np.eye(3)["xyz".index(axis)],
+            function=linear(1.0),
+            coordinates=(one,),
+        )
+        for axis, one in axes
+    )
+    return Joint(
+        name=name,
+        kind="made",
+        parent=parent,
+        child=child,
+        parent_frame=Transform.from_euler_xyz(turn, at),
+        child_frame=Transform.identity(),
+        axes=made,
+        coordinates=tuple(one for _, one in axes),
+    )
+
+
+def muscle_path(name: str) -> Path:
+    """Return the path of a muscle by its points in `PATHS`."""
+    return Path(
+        tuple(PathPoint(f"{name}{i}", one, np.array(at)) for i, (one, at) in enumerate(PATHS[name]))
     )
 
 

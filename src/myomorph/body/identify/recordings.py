@@ -212,20 +212,14 @@ def usable(  # page: a recording, and what is known of it, all of it optional
     mass = model.mass if mass is None else mass
     smoothed = _smoothed(model, motion, options)
     motion = smoothed.filled(motion)
-    cutoff = smoothed.cutoff
-    whole = smoothed.motion
-    if time is not None:
-        whole = cut(whole, *time)
-    recording = _on_one_clock(name, motion, whole, wrenches, cutoff)
+    whole = smoothed.motion if time is None else cut(smoothed.motion, *time)
+    recording = _on_one_clock(name, motion, whole, wrenches, smoothed.cutoff)
     recording = replace(recording, seen_noise=smoothed.noise(motion))
     outside = {OUTSIDE: len(whole) - len(recording.motion)}
     balance = Balance.of(model, recording, mass)
 
-    marks = _marked(motion, wrenches, recording, balance, cutoff)
-    so_far = ~np.any(list(marks.values()), axis=0)
-    if not so_far.any():
-        left_out = _listed(_counted(outside, marks))
-        raise BadData(f"{name}: none of the {len(whole)} frames can be used: {left_out}")
+    marks = _marked(motion, wrenches, recording, balance, smoothed.cutoff)
+    so_far = _unmarked(name, len(whole), outside, marks)
     _refuse_tared(name, balance.needed_up[so_far], balance.measured_up[so_far], balance.weight)
     known = ~(marks[NO_MOTION] | marks[NO_FORCE])
     clock = recording.motion.time
@@ -358,6 +352,33 @@ def _marked(
         NO_FORCE: _near(clock, wrenches.time[_lacking(wrenches)], margin),
         EDGE: edge,
     }
+
+
+def _unmarked(
+    name: str, frames: int, outside: Mapping[str, int], marks: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """Find the frames without a reason to leave them out.
+
+    Parameters
+    ----------
+    name : of the recording
+    frames : of its motion
+    outside : frames off the common clock, by reason
+    marks : reason to (frames,) whether it applies
+
+    Returns
+    -------
+    (frames,)
+
+    Raises
+    ------
+    BadData : there are none
+    """
+    unmarked: np.ndarray = ~np.any(list(marks.values()), axis=0)
+    if not unmarked.any():
+        left_out = _listed(_counted(outside, marks))
+        raise BadData(f"{name}: none of the {frames} frames can be used: {left_out}")
+    return unmarked
 
 
 def _mean_ratio(balance: Balance, frames: np.ndarray) -> float:

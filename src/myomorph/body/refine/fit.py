@@ -129,17 +129,7 @@ def refine(  # page: called as `calibrate`, with the mass that plates weigh
     """
     options = options or RefineOptions()
     check_fit(options)
-    if model.loops:
-        raise BadModel(
-            model.source or model.name,
-            "models with closed loops cannot be refined; remove the loops",
-        )
-    if len(floating_coordinates(model)) < 6:
-        free = (
-            "its base does not move freely in the ground, so that plates do not determine the"
-            " forces at its root"
-        )
-        raise BadModel(model.source or model.name, free)
+    _check_model(model)
     if not trials:
         raise BadData("refine needs at least one recording with markers and forces")
     mass = model.mass if mass is None else mass
@@ -151,6 +141,21 @@ def refine(  # page: called as `calibrate`, with the mass that plates weigh
         problem = problem_of(weighed, used, choice.options)
         solution = settle(thinned(problem), progress)
     return _refinement(weighed, recorded, problem, solution, choice, path_lengths)
+
+
+def _check_model(model: Model) -> None:
+    """Raise `BadModel` for closed loops, or a base that does not move freely in the ground."""
+    if model.loops:
+        raise BadModel(
+            model.source or model.name,
+            "models with closed loops cannot be refined; remove the loops",
+        )
+    if len(floating_coordinates(model)) < 6:
+        free = (
+            "its base does not move freely in the ground, so that plates do not determine the"
+            " forces at its root"
+        )
+        raise BadModel(model.source or model.name, free)
 
 
 @dataclass(frozen=True, eq=False)

@@ -199,13 +199,8 @@ def find_strides(  # page: points and legs, and what is known of a recording, al
         tracks[limb.name] = foot_events.foot_track(feet[limb.name], lifting, trunk, travel, options)
     if _sides_differ(limbs):
         tracks = _on_events(tracks, limbs, running, events)
-    elif events:
-        notes.append(
-            STRIDES.message(
-                "events of the recording are not used: they name a side, on which there are several"
-                " feet"
-            )
-        )
+    else:
+        notes += _unused_events(events)
     if wrenches is not None and weight is not None:
         loads = PlateLoads(
             wrenches=wrenches,
@@ -213,10 +208,10 @@ def find_strides(  # page: points and legs, and what is known of a recording, al
             threshold=weight * options.threshold,
             span=(float(points.time[0]), float(points.time[-1])),
         )
-        tracks = {
-            limb.name: foot_events.on_plates(tracks[limb.name], limb, loads, options)
-            for limb in limbs
-        }
+        for limb in limbs:
+            track = tracks[limb.name]
+            tracks[limb.name] = foot_events.on_plates(track, limb, loads, options)
+
     notes += _without_strikes(tracks)
     stepping = {name: track for name, track in tracks.items() if len(track.strikes)}
     if ground_speed is not None:
@@ -228,6 +223,14 @@ def find_strides(  # page: points and legs, and what is known of a recording, al
         notes += _belt_notes(ground)
     gait = _Gait(tracks=FrozenMap(stepping), travel=travel, up=up, ground=ground, options=options)
     return _result(gait, [limb.name for limb in limbs], notes)
+
+
+def _unused_events(events: Sequence[Event]) -> list[Message]:
+    """Report events that name a side, where several limbs are of that side."""
+    if not events:
+        return []
+    text = "events of the recording are not used: they name a side, on which there are several feet"
+    return [STRIDES.message(text)]
 
 
 def _belt_notes(ground: float) -> list[Message]:

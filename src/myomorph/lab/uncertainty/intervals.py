@@ -17,7 +17,7 @@ from myomorph.core.model.series import Series
 from myomorph.lab.uncertainty.bodies import Draw, drawn_subject
 from myomorph.lab.uncertainty.normals import Normals
 from myomorph.lab.uncertainty.sources import NOTHING, ErrorSizes, Sources, source_sizes
-from myomorph.lab.uncertainty.spread import Draws, Uncertainty
+from myomorph.lab.uncertainty.spread import Draws, Spread, Uncertainty
 
 # What a draw may end in that has no solution
 FAILURES = (MyomorphError, ArithmeticError, np.linalg.LinAlgError)
@@ -81,10 +81,8 @@ def uncertainty_of(  # page: a model and a result of it, and how it is drawn, al
         raise BadData(f"{draws} draws: expected {MIN_DRAWS} or more")
     sources = sources or Sources()
     normals = Normals(draws, seed)
-    failed = 0
-    last = ""
-    first: Mapping[str, Series] = FrozenMap({})
     with ExitStack() as kept:
+        drawn = _DrawnSeries(draws, kept)
         for number in range(draws):
             draw = Draw(
                 number=number, sources=sources, normals=normals, found=sizes.beside(sources)
@@ -92,28 +90,83 @@ def uncertainty_of(  # page: a model and a result of it, and how it is drawn, al
             try:
                 result = compute(drawn_subject(model, draw), draw)
             except FAILURES as error:
-                failed = failed + 1
-                last = f"; the last has none: {error}"
-                continue
+                drawn.fail(error)
+            else:
+                drawn.put(number, result)
             finally:
                 progress(1)
-            shapes = {name: series.values.shape for name, series in result.items()}
-            if not first:
-                first = result
-                expected = shapes
-                tables = kept.enter_context(Draws(draws, shapes))
-            if shapes != expected:
-                raise BadData(
-                    f"a draw has series of shapes {shapes}, the first has {expected}: expected the"
-                    " same"
-                )
-            tables.put(number, {name: series.values for name, series in result.items()})
-        if draws - failed < MIN_DRAWS:
+        spreads = drawn.spreads()
+    return Uncertainty(
+        spreads, draws=draws, failed=drawn.failed, sizes=source_sizes(sources, sizes)
+    )
+
+
+class _DrawnSeries:
+    """Series of draws, stored as they come.
+
+    Attributes
+    ----------
+    failed : draws without a solution
+    """
+
+    def __init__(self, draws: int, kept: ExitStack) -> None:
+        """Store nothing yet.
+
+        Parameters
+        ----------
+        draws : how many there are
+        kept : closes the tables
+        """
+        self.failed = 0
+        self._draws = draws
+        self._kept = kept
+        self._error = ""
+        self._first: Mapping[str, Series] = FrozenMap({})
+        self._tables: Draws | None = None
+
+    def fail(self, error: Exception) -> None:
+        """Count a draw without a solution."""
+        self.failed += 1
+        self._error = f"; the last has none: {error}"
+
+    def put(self, number: int, result: Mapping[str, Series]) -> None:
+        """Store the series of a draw.
+
+        Raises
+        ------
+        BadData : their shapes are not those of the first draw
+        """
+        shapes = _shapes(result)
+        if self._tables is None:
+            self._first = result
+            self._tables = self._kept.enter_context(Draws(self._draws, shapes))
+        expected = _shapes(self._first)
+        if shapes != expected:
             raise BadData(
-                f"{draws - failed} of {draws} draws have a solution: expected {MIN_DRAWS} or"
-                f" more{last}"
+                f"a draw has series of shapes {shapes}, the first has {expected}: expected the same"
             )
-        spreads = FrozenMap(
-            {name: tables.spread(name, series.time, series.names) for name, series in first.items()}
+        self._tables.put(number, {name: series.values for name, series in result.items()})
+
+    def spreads(self) -> FrozenMap[str, Spread]:
+        """Find limits and standard deviation of each series.
+
+        Raises
+        ------
+        BadData : fewer than two draws have a solution
+        """
+        solved = self._draws - self.failed
+        if solved < MIN_DRAWS or self._tables is None:
+            raise BadData(
+                f"{solved} of {self._draws} draws have a solution: expected {MIN_DRAWS} or"
+                f" more{self._error}"
+            )
+        return FrozenMap(
+            {
+                name: self._tables.spread(name, series.time, series.names)
+                for name, series in self._first.items()
+            }
         )
-    return Uncertainty(spreads, draws=draws, failed=failed, sizes=source_sizes(sources, sizes))
+
+
+def _shapes(result: Mapping[str, Series]) -> dict[str, tuple[int, ...]]:
+    return {name: series.values.shape for name, series in result.items()}
