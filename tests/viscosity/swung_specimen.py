@@ -113,8 +113,8 @@ def made_body(name: str, mass: float, center: tuple[float, float, float]) -> Bod
 def arm_joints() -> tuple[Joint, ...]:
     """Return the joints from the ground to a finger."""
     return (
-        made_joint("root", GROUND, "trunk", (0.0, 1.0, 0.0), [("y", "heading")]),
-        made_joint(
+        _made_joint("root", GROUND, "trunk", (0.0, 1.0, 0.0), [("y", "heading")]),
+        _made_joint(
             "scapulothoracic",
             "trunk",
             "scapula",
@@ -122,7 +122,7 @@ def arm_joints() -> tuple[Joint, ...]:
             [("y", "protraction")],
             (0.1, -0.5, 0.2),
         ),
-        made_joint(
+        _made_joint(
             "plane",
             "scapula",
             "phantom",
@@ -130,20 +130,20 @@ def arm_joints() -> tuple[Joint, ...]:
             [("y", "plane"), ("x", "elevation")],
             (0.0, 0.4, 0.1),
         ),
-        made_joint("rotation", "phantom", "humerus", (0.0, 0.0, 0.0), [("y", "rotation")]),
-        made_joint(
+        _made_joint("rotation", "phantom", "humerus", (0.0, 0.0, 0.0), [("y", "rotation")]),
+        _made_joint(
             "elbow", "humerus", "ulna", (0.005, -0.29, -0.01), [("z", "elbow")], (0.05, 0.0, 0.1)
         ),
-        made_joint("forearm", "ulna", "radius", (0.0, -0.01, 0.02), [("y", "forearm")]),
-        made_joint(
+        _made_joint("forearm", "ulna", "radius", (0.0, -0.01, 0.02), [("y", "forearm")]),
+        _made_joint(
             "wrist", "radius", "carpus", (0.02, -0.23, 0.01), [("x", "wrist_a")], (0.0, 0.3, 0.0)
         ),
-        made_joint("palm", "carpus", "hand", (0.0, -0.02, 0.0), [("z", "wrist_b")]),
-        made_joint("finger", "hand", "finger", (0.0, -0.09, 0.0), [("z", "grip")]),
+        _made_joint("palm", "carpus", "hand", (0.0, -0.02, 0.0), [("z", "wrist_b")]),
+        _made_joint("finger", "hand", "finger", (0.0, -0.09, 0.0), [("z", "grip")]),
     )
 
 
-def made_joint(name: str, parent: str, child: str, at, axes=(), turn=(0.0, 0.0, 0.0)) -> Joint:
+def _made_joint(name: str, parent: str, child: str, at, axes=(), turn=(0.0, 0.0, 0.0)) -> Joint:
     """Return a joint at a place [m] and turned [rad] in its parent, with axes for coordinates."""
     made = tuple(
         Axis(

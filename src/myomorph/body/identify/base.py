@@ -299,8 +299,7 @@ def fit_base(
         fitted = _fitted(chosen, rows, noise, prior, options)
         sd = _sd_by_rows(model, recordings, base, fitted, noise.followed, options)
     else:
-        others = _share_of_others(motion, misfit, estimate)
-        sd = others * (noise.followed * chosen.sd[: len(base)])
+        sd = _share_of_others(motion, misfit, estimate) * (noise.followed * chosen.sd[: len(base)])
         sd = np.hypot(sd, _motion_sd(data.R, prior, motion, noise, estimate))
     shown = rank_and_condition(data.R, options.rank_tolerance)
     by_parameter = levels(data.R, prior.mean, prior.sizes)

@@ -100,8 +100,10 @@ class ForceJet(NamedTuple):
 
 
 @inner(counted=False, forceinline=True)
-def fiber_jet(E, m, x, u, a, out):
-    """P of a muscle and its derivatives.
+def fiber_jet(  # page: a muscle's state, and the array that is filled
+    E, m, x, u, a, out
+):
+    """Compute P of a muscle and its derivatives.
 
     Parameters
     ----------
@@ -123,7 +125,7 @@ def fiber_jet(E, m, x, u, a, out):
 
 @in_place
 def _fiber_part(h, fiber, speed, shortest, x, u):
-    """Length, direction and velocity of fibers, of the height h, by their part along the tendon.
+    """Find length, direction and velocity of fibers by their part along the tendon.
 
     Parts below the shortest one count as this, so that nothing changes with x there.
 
@@ -179,7 +181,7 @@ def _fiber_part(h, fiber, speed, shortest, x, u):
 
 @in_place
 def _curve_jet(E, m, length, v, a):
-    """Normalized force of the curves of a muscle.
+    """Compute the normalized force of the curves of a muscle.
 
         b = a f_L(l) f_V(v / kappa) + f_PE(l) + damping v,   kappa = 1 - slowed (1 - a)
 
