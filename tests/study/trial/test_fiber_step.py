@@ -183,16 +183,20 @@ def test_work_of_fibers_and_tendons_is_that_of_the_path(data):
     for m, row in enumerate(rows):
         whole = np.trapezoid(power[:, m], motion.time[inside])
         assert np.isclose(
-            row.fiber_done - row.fiber_absorbed + row.tendon_returned - row.tendon_stored, whole
+            row.fiber_positive_work
+            - row.fiber_negative_work
+            + row.tendon_returned_energy
+            - row.tendon_stored_energy,
+            whole,
         )
-        assert row.shortest < row.longest
+        assert row.min_normalized_length < row.max_normalized_length
 
 
 def test_table_of_work_names_units(stored):
     with open(stored[0] / WORK_TABLE, encoding="utf-8") as stream:
         head, *rows = csv.reader(stream)
-    assert head[:5] == ["muscle", "stride", "start_s", "stop_s", "fiber_done_J"]
-    assert "fiber_peak_W" in head
+    assert head[:5] == ["muscle", "stride", "start_s", "stop_s", "fiber_positive_work_J"]
+    assert "fiber_peak_power_W" in head
     assert head == [quantity.column for quantity in FIBER_WORK]
     assert len(rows) == 6
 

@@ -276,7 +276,7 @@ def test_a_study_draws_where_it_says_so(arm):
     # A drawn arm may be too weak for the motion.
     assert re.search("1[0-2] of 12 inputs", page)
     with (home / "uncertainty_sources.csv").open(encoding="utf-8") as stream:
-        origins = {row["source"]: (row["sd"], row["from"]) for row in csv.DictReader(stream)}
+        origins = {row["source"]: (row["sd"], row["origin"]) for row in csv.DictReader(stream)}
     assert (origins["strength"], origins["placement"]) == (("0.3", "stated"), ("0.005", "usual"))
     with (arm.out / "results_tidy.csv").open(encoding="utf-8") as stream:
         values = {row["quantity"]: row for row in csv.DictReader(stream)}

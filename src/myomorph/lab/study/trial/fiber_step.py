@@ -56,26 +56,27 @@ class FiberWork:
     muscle : name
     stride : 1, 2, ... of the muscle's own leg; 0 for the whole recording
     start, stop : of the stride [s]
-    fiber_done, fiber_absorbed : positive work of the fibers, and negative as a positive number [J]
-    tendon_returned, tendon_stored : the same of the tendon [J]
-    fiber_peak, tendon_peak : greatest powers [W]
-    max_strain : of the tendon
-    shortest, longest : fiber length over optimal
+    fiber_positive_work, fiber_negative_work : positive work of the fibers, and negative as a
+        positive number [J]
+    tendon_returned_energy, tendon_stored_energy : the same of the tendon [J]
+    fiber_peak_power, tendon_peak_power : maxima [W]
+    max_tendon_strain : of the tendon
+    min_normalized_length, max_normalized_length : of the fibers, over the optimal length
     """
 
     muscle: str
     stride: int
     start: float
     stop: float
-    fiber_done: float
-    fiber_absorbed: float
-    tendon_returned: float
-    tendon_stored: float
-    fiber_peak: float
-    tendon_peak: float
-    max_strain: float
-    shortest: float
-    longest: float
+    fiber_positive_work: float
+    fiber_negative_work: float
+    tendon_returned_energy: float
+    tendon_stored_energy: float
+    fiber_peak_power: float
+    tendon_peak_power: float
+    max_tendon_strain: float
+    min_normalized_length: float
+    max_normalized_length: float
 
 
 def fiber_work(
@@ -117,23 +118,23 @@ def fiber_work(
             fiber = fibers.fiber_power[known, m]
             tendon = fibers.tendon_power[known, m]
             lengths = fibers.fiber_length[known, m] / optimal[name]
-            fiber_done, fiber_absorbed = _work(time[known], fiber)
-            tendon_returned, tendon_stored = _work(time[known], tendon)
+            fiber_positive_work, fiber_negative_work = _work(time[known], fiber)
+            tendon_returned_energy, tendon_stored_energy = _work(time[known], tendon)
             result.append(
                 FiberWork(
                     muscle=name,
                     stride=number,
                     start=start,
                     stop=stop,
-                    fiber_done=fiber_done,
-                    fiber_absorbed=fiber_absorbed,
-                    tendon_returned=tendon_returned,
-                    tendon_stored=tendon_stored,
-                    fiber_peak=float(fiber.max()),
-                    tendon_peak=float(tendon.max()),
-                    max_strain=float(fibers.tendon_strain[known, m].max()),
-                    shortest=float(lengths.min()),
-                    longest=float(lengths.max()),
+                    fiber_positive_work=fiber_positive_work,
+                    fiber_negative_work=fiber_negative_work,
+                    tendon_returned_energy=tendon_returned_energy,
+                    tendon_stored_energy=tendon_stored_energy,
+                    fiber_peak_power=float(fiber.max()),
+                    tendon_peak_power=float(tendon.max()),
+                    max_tendon_strain=float(fibers.tendon_strain[known, m].max()),
+                    min_normalized_length=float(lengths.min()),
+                    max_normalized_length=float(lengths.max()),
                 )
             )
     return tuple(result)

@@ -584,7 +584,8 @@ def _write_sources(sizes: Sequence[SourceSize], path: Path) -> None:
         )
         for size in sizes
     )
-    write_csv(path, ("group", "source", "sd", "from", "items", "least", "greatest"), rows, digits=4)
+    head = ("group", "source", "sd", "origin", "items", "min_sd", "max_sd")
+    write_csv(path, head, rows, digits=4)
 
 
 def _hashed(trial: TrialInputs) -> Sequence[object]:
