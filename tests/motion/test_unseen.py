@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from myomorph.core.io.formats import read_model
+from myomorph.core.io.trc import read_trc
 from myomorph.core.model.series import Markers, Motion
 from myomorph.core.model.spatial import axis_rotation, vector_from_rotation
 from myomorph.core.motion.filters import differentiate
@@ -193,6 +195,22 @@ def test_a_marker_that_is_hidden_for_a_while_lets_no_seen_joint_jump():
     inside = slice(150, 210)
     away = np.abs(fit.motion.values - all_seen.values)[inside].max()
     assert away < 0.5 * np.abs(plain.values - all_seen.values)[inside].max()
+
+
+def test_a_hidden_thigh_hides_no_forearm(data):
+    """Two markers at the wrist turn little with the forearm: less than a hidden marker may.
+
+    A marker of the right thigh is seen in a twelfth of this walk.
+    """
+    folder = data("opencap-subject4-multitask")
+    model = read_model(folder / "models/manually_scaled.osim")
+    markers = read_trc(folder / "markers/walking1.trc").markers
+    fit = inverse_kinematics(model, markers)
+    plain = inverse_kinematics(model, markers, PLAIN)
+    assert np.isnan(markers.values[:, markers.names.index("r_thigh5")]).any(axis=1).mean() > 0.9
+    assert BRIDGED not in fit.assumed_as
+    for name in ("arm_rot_r", "elbow_flex_r", "pro_sup_r", "pro_sup_l"):
+        np.testing.assert_allclose(fit.motion[name], plain.motion[name], atol=1e-6)
 
 
 def test_draws_of_what_was_assumed_have_its_standard_deviation():

@@ -74,7 +74,9 @@ def hidden_coordinates(
     direction v moves the markers by |W^(1/2) J v|. It is hidden where this is less than a limit,
     and a coordinate where its share of the hidden directions, the length of its axis' projection
     on them, is more than `PART`. The limit is `FAINT` of the usual; while markers are hidden that
-    are seen else, `WEAK`. Coordinates that a task pulls at are determined.
+    are seen else, `WEAK`, where all markers together move by more: a forearm that two markers at
+    the wrist show is not hidden because one of the thigh is. Coordinates that a task pulls at are
+    determined.
 
     Parameters
     ----------
@@ -107,12 +109,12 @@ def hidden_coordinates(
             _hidden_in_sets, tree, problem, values, _samples(groups, known, range(len(sets)))
         )
         blind = hidden(np.full(len(sets), faint)) & ~pulled
-        flags = hidden(np.where(whole, faint, weak)) & ~pulled
-    lost = np.asarray((blind & root & ~always).any(axis=1) | ~sets.any(axis=1))
+        less = np.where(whole, faint, weak)
+        flags = blind | (hidden(less) & ~hidden(less, np.any(seen, axis=0)) & ~pulled)
     return Hidden(
         flags=flags[groups] & known[:, None],
         always=always,
-        lost=lost[groups] | ~known,
+        lost=((blind & root & ~always).any(axis=1) | ~sets.any(axis=1))[groups] | ~known,
         whole=whole[groups] & known,
         groups=groups,
         faint=faint,
@@ -121,7 +123,12 @@ def hidden_coordinates(
 
 
 def _hidden_in_sets(
-    tree: Tree, problem: PoseProblem, values: Array, samples: list[Ints], limits: Array
+    tree: Tree,
+    problem: PoseProblem,
+    values: Array,
+    samples: list[Ints],
+    limits: Array,
+    seen: np.ndarray | None = None,
 ) -> np.ndarray:
     """Find the coordinates that sets of markers hide.
 
@@ -132,11 +139,17 @@ def _hidden_in_sets(
     values : (frames, coordinates) [rad or m]
     samples : frames of each set
     limits : (sets,) movement of the markers below which a direction is hidden [m]
+    seen : (markers,) that are taken for seen in all of them; None for those of each set
 
     Returns
     -------
     (sets, variables)
     """
+    if seen is not None:
+        observed = np.broadcast_to(
+            np.where(seen[:, None], 0.0, np.nan), problem.markers.observed.shape
+        )
+        problem = problem.with_markers(observed=observed)
     hidden = np.zeros((len(samples), len(problem.free)), bool)
     for start in range(0, len(samples), AT_ONCE):
         each = _information(tree, problem, values, samples[start : start + AT_ONCE])
