@@ -27,6 +27,15 @@ from myomorph.body.calibrate.notes import (
     search_notes,
     side_notes,
 )
+from myomorph.body.calibrate.patella_fit import (
+    patella_distance,
+    patella_readings,
+    with_distance,
+)
+from myomorph.body.calibrate.patella_markers import (
+    moved_marker_notes,
+    with_markers_on_patellae,
+)
 from myomorph.body.calibrate.postures import ChosenFrames, spread_postures
 from myomorph.body.calibrate.priors import calibration_prior, usual_shifts
 from myomorph.body.calibrate.recorded import RecordedMarkers, recorded_markers
@@ -125,6 +134,8 @@ def calibrate(
         check_argument("trials", markers, Markers)
     options = options or CalibrationOptions()
     _check(options)
+    given = model
+    model = with_markers_on_patellae(given)
     recorded = recorded_markers(model, trials, options)
     positions = [recorded.positions(recording) for recording in recorded.recordings]
     settings = SearchSettings(
@@ -147,8 +158,39 @@ def calibrate(
     far = _far_zeros(search, calibration, recorded)
     if far and far[0].repaired:
         return replace(calibrate(model, (), options, path_lengths=path_lengths), warnings=far)
-    notes = (*calibration.notes, *few_marker_notes(model, recorded))
-    return replace(calibration, notes=notes, warnings=far)
+    notes = (
+        *calibration.notes,
+        *few_marker_notes(model, recorded),
+        *moved_marker_notes(given, model),
+    )
+    calibration = replace(calibration, notes=notes, warnings=far)
+    if not options.patellae:
+        return calibration
+    frames = [options.independent_frames] * len(recorded.recordings)
+    if recorded.static:
+        frames[-1] = 1  # All of them show one posture
+    return _with_patellae(calibration, problem, settings.distances.noise, frames)
+
+
+def _with_patellae(
+    calibration: Calibration, problem: SharedProblem, noise: float, independent: Sequence[int]
+) -> Calibration:
+    """Move patellae to where markers on them say.
+
+    Parameters
+    ----------
+    calibration : with patellae as far out as those of the given model
+    problem : with what was observed
+    noise : of a marker along one axis [m]; 0 for that of the residual
+    independent : for each recording, so many frames say as much as all
+    """
+    model = calibration.model
+    observed = [part.observed for part in problem.sets]
+    readings = tuple(
+        patella_readings(model, calibration.marker_names, observed, calibration.angles)
+    )
+    found = patella_distance(model, readings, noise or calibration.noise, independent)
+    return replace(calibration, model=with_distance(model, found), patella=found)
 
 
 def _far_zeros(

@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from myomorph.body.calibrate.patella_fit import PatellaDistance
 from myomorph.core.fit.estimation import Estimate
 from myomorph.core.fit.interval_rule import half_width
 from myomorph.core.model.arrays import Array, read_only
@@ -86,6 +87,8 @@ class CalibrationOptions:
         stands
     posture_weight : weight of the pull to the default pose, as in `InverseKinematicsOptions`, but
         too small to affect lengths
+    patellae : move patellae as far from the knees' axes as markers on them say, with the spread of
+        published moment arms as prior
     """
 
     frames: int = 50
@@ -111,6 +114,7 @@ class CalibrationOptions:
     static: Markers | None = None
     static_pose: Mapping[str, float] | None = None
     posture_weight: float = 1e-10
+    patellae: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -298,6 +302,8 @@ class Calibration:
     estimate : the unknowns with their covariance, and how each source of residuals is explained
     marker_spread : how far markers lie from their places, relative to `marker_sd` and `fixed_sd`;
         intervals take it
+    patella : how much farther out the patellae of `model` lie than those of the given model; None
+        where no marker on them shows it
     """
 
     model: Model
@@ -322,6 +328,7 @@ class Calibration:
     warnings: tuple[Finding, ...] = ()
     estimate: Estimate | None = None
     marker_spread: float = 1.0
+    patella: PatellaDistance | None = None
 
     @property
     def rms_before(self) -> float:

@@ -53,7 +53,18 @@ JOINTS = {
 without the side.
 """
 # Bodies of either side.
-SIDED = ("femur", "tibia", "talus", "calcn", "scapula", "humerus", "ulna", "radius", "lunate")
+SIDED = (
+    "femur",
+    "patella",
+    "tibia",
+    "talus",
+    "calcn",
+    "scapula",
+    "humerus",
+    "ulna",
+    "radius",
+    "lunate",
+)
 LOCKED = ("mtp_angle_r", "mtp_angle_l")
 FURTHER = 30.0
 HYPEREXTENSION = 10.0

@@ -11,6 +11,7 @@ import numpy as np
 
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.frozen_map import FrozenMap
+from myomorph.core.muscles.patella_spread import DISTANCE_SD, TRACK_SD
 
 GROUPS: dict[str, tuple[str, ...]] = {
     "markers": (
@@ -131,8 +132,8 @@ class Sources:
     leg_alignment: float = 0.044
     filter_cutoff: float = 0.6
     attachment: float = 0.004
-    patella: float = 0.004
-    patella_distance: float = 0.005
+    patella: float = TRACK_SD
+    patella_distance: float = DISTANCE_SD
     wrap_radius: float = 0.05
     joint_contact_point: float = 0.004
     strength: float = 0.2

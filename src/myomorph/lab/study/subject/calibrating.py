@@ -32,8 +32,10 @@ from myomorph.lab.store.progress import progress
 from myomorph.lab.store.results import findings_text
 from myomorph.lab.store.settings import with_settings
 from myomorph.lab.study.inputs import reading
+from myomorph.lab.study.inputs.error_size_tables import write_error_sizes
 from myomorph.lab.study.step.folder_steps import FolderOutput, write_notes
 from myomorph.lab.study.step.step import Step
+from myomorph.lab.study.subject.found_errors import calibrated_errors
 from myomorph.lab.study.subject.subject_files import (
     SubjectFiles,
     SubjectInputs,
@@ -42,6 +44,7 @@ from myomorph.lab.study.subject.subject_files import (
 from myomorph.lab.study.subject.subjects import Made, ModelOutput, write_made_model, write_rows
 from myomorph.lab.study.trial.steps.ik import UsedMarkers, used_markers
 
+PATELLAE = "patellae.csv"
 FINDINGS = "findings.json"  # What checks of the markers found, in the folder of tables.
 
 
@@ -149,6 +152,8 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path) -> tuple[s
         write_rows(length_rows(calibration), folder / "lengths.csv")
         write_rows(marker_rows(calibration), folder / "markers.csv")
         write_rows(zero_rows(calibration), folder / "zero_angles.csv")
+        write_rows(patella_rows(calibration), folder / PATELLAE)
+        write_error_sizes(folder, STEP.name, calibrated_errors(calibration))
         (folder / FINDINGS).write_text(findings_text(calibrated.findings), encoding="utf-8")
         write_notes(folder, messages_of_findings(calibrated.findings))
         (folder / REPORT).write_text(calibration_page(calibrated), encoding="utf-8")
@@ -220,6 +225,27 @@ def zero_rows(calibration: Calibration) -> list[dict[str, object]]:
     ]
 
 
+def patella_rows(calibration: Calibration) -> list[dict[str, object]]:
+    """Return a row with the distance of the patellae, none where no marker on them shows it."""
+    found = calibration.patella
+    if found is None:
+        return []
+    interval = found.interval
+    return [
+        {
+            "patellae": " ".join(found.patellae),
+            "markers": " ".join(found.markers),
+            "left_out": " ".join(found.left_out),
+            "farther_mm": 1e3 * interval.value,
+            "lowest_mm": 1e3 * interval.low,
+            "highest_mm": 1e3 * interval.high,
+            "sd_mm": 1e3 * found.sd,
+            "share": found.share,
+            "shown": found.shown,
+        }
+    ]
+
+
 def summary(calibration: Calibration) -> Iterable[str]:
     """Return what was found, as lines of text."""
     yield calibration_line(calibration)
@@ -231,6 +257,8 @@ def summary(calibration: Calibration) -> Iterable[str]:
                 f" {1e3 * length.length.extent * length.sd:.1f} mm)"
                 + ("" if length.shown else ", not determined by the recordings")
             )
+    if calibration.patella is not None:
+        yield f"  {calibration.patella.sentence}"
 
 
 STEP = Step(

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from myomorph.body.calibrate.calibration import Calibration
 from myomorph.body.personalize.estimates import FIBER, FORCE, SLACK
 from myomorph.body.personalize.personalize import Personalized
 from myomorph.body.refine.options import MASSES
@@ -19,6 +20,14 @@ from myomorph.core.model.frozen_map import grouped
 from myomorph.core.model.inertia import inertial_parameters
 from myomorph.core.model.model import Model
 from myomorph.lab.uncertainty.sources import ItemSize
+
+
+def calibrated_errors(calibration: Calibration) -> Iterator[ItemSize]:
+    """Distance of patellae, where markers on them inform it."""
+    found = calibration.patella
+    if found is not None:
+        for patella in found.patellae:
+            yield ItemSize("patella_distance", patella, found.sd)
 
 
 def identified_errors(model: Model, sd: Array) -> Iterator[ItemSize]:
