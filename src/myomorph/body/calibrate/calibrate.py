@@ -30,6 +30,7 @@ from myomorph.body.calibrate.notes import (
 from myomorph.body.calibrate.patella_fit import (
     patella_distance,
     patella_readings,
+    unlikely_marker_notes,
     with_distance,
 )
 from myomorph.body.calibrate.patella_markers import (
@@ -190,7 +191,12 @@ def _with_patellae(
         patella_readings(model, calibration.marker_names, observed, calibration.angles)
     )
     found = patella_distance(model, readings, noise or calibration.noise, independent)
-    return replace(calibration, model=with_distance(model, found), patella=found)
+    return replace(
+        calibration,
+        model=with_distance(model, found),
+        patella=found,
+        notes=(*calibration.notes, *unlikely_marker_notes(readings)),
+    )
 
 
 def _far_zeros(

@@ -24,7 +24,9 @@ from myomorph.core.fit.problem import Problem
 from myomorph.core.fit.residuals import Measured
 from myomorph.core.fit.unknowns import Block, Unknown, Unknowns, Values
 from myomorph.core.model.arrays import Array, read_only
+from myomorph.core.model.causes import MARKERS
 from myomorph.core.model.interval import Interval
+from myomorph.core.model.messages import Message
 from myomorph.core.model.model import Model
 from myomorph.core.model.shown import shown
 from myomorph.core.muscles.patella import patella_of
@@ -40,18 +42,18 @@ from myomorph.core.rigid.knees import knee_joints
 from myomorph.core.rigid.tree import compile_tree
 
 BONE = 0.0085
-"""From the middle of the muscle paths to the front of the patella, in the bone that models in common
-use share (Rajagopal et al. 2016), of a person with `THIGH_LENGTH` [m].
+"""From the middle of the muscle paths to the front of the patella, in the bone that models in
+common use share (Rajagopal et al. 2016), of a person with `THIGH_LENGTH` [m].
 """
 BONE_SD = 0.002
-"""Of that [m]: patellae are 25.1 mm thick with a standard deviation of 2.3 (927 MRIs, Kerdari et al.
-2020) or 22.4 with 2.3 (Iranpour et al. 2008), of which this is a third; the rest is where the author
-of a model puts the tendons.
+"""Of that [m]: patellae are 25.1 mm thick with a standard deviation of 2.3 (927 MRIs, Kerdari et
+al. 2020) or 22.4 with 2.3 (Iranpour et al. 2008), of which this is a third; the rest is where the
+author of a model puts the tendons.
 """
 SKIN = 0.005
 SKIN_SD = 0.0025
-"""Skin, fat and fasciae before the patella of an adult [m]; an assumption. They are thicker in women
-and with body mass (Kizilgöz et al. 2023; Elkins et al. 2018).
+"""Skin, fat and fasciae before the patella of an adult [m]; an assumption. They are thicker in
+women and with body mass (Kizilgöz et al. 2023; Elkins et al. 2018).
 """
 MARKER = 0.0075
 MARKER_SD = 0.0015
@@ -85,6 +87,13 @@ class PatellaReadings:
         """Over all recordings alike [m]."""
         return float(np.mean([part.mean() for part in self.heights if len(part)]))
 
+    @property
+    def likely(self) -> bool:
+        """Whether the marker is as high as one on a patella can be."""
+        parts = (DISTANCE_SD, TRACK_SD, AXIS_SD, BONE_SD, SKIN_SD, MARKER_SD, PLACE_SD)
+        limit = MAX_SD * float(np.sqrt(np.sum(np.square(parts))))
+        return abs(self.mean - self.expected) < limit
+
 
 @shown
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,13 +104,11 @@ class PatellaDistance:
     ----------
     patellae : bodies, both alike
     markers : that inform it
-    left_out : markers that lie where no patella can be
     estimate : the distance with what else was not known
     """
 
     patellae: tuple[str, ...]
     markers: tuple[str, ...]
-    left_out: tuple[str, ...]
     estimate: Estimate
 
     @property
@@ -132,13 +139,14 @@ class PatellaDistance:
     @property
     def sentence(self) -> str:
         """The distance in words."""
-        low = 1e3 * self.interval.low
-        high = 1e3 * self.interval.high
-        verdict = "shown" if self.shown else "not shown, as prior and markers are about as sure"
+        interval = self.interval
+        side = "farther from" if interval.value > 0.0 else "nearer to"
+        verdict = "" if self.shown else ", which alone do not show it"
         return (
-            f"patellae {1e3 * self.value:+.1f} mm farther from the knees' axes than the model's"
-            f" (90 % interval {low:+.1f} to {high:+.1f}; {', '.join(self.markers)} give"
-            f" {100.0 * self.share:.0f} % of it: {verdict})"
+            f"patellae {1e3 * abs(interval.value):.1f} mm {side} the knees' axes than the model's"
+            f" (90 % interval {1e3 * interval.low:+.1f} to {1e3 * interval.high:+.1f} mm):"
+            f" {100.0 * self.share:.0f} % by {', '.join(self.markers)}{verdict}, the rest by"
+            " published moment arms"
         )
 
 
@@ -165,7 +173,7 @@ def patella_distance(
     -----
     Prior: docs/decisions/0074-the-patella-of-a-person.md. Equation: above.
     """
-    used = [reading for reading in readings if _may_lie_there(reading)]
+    used = [reading for reading in readings if reading.likely]
     if not used:
         return None
     unknowns = Unknowns(tuple(_blocks(used)))
@@ -180,16 +188,31 @@ def patella_distance(
     return PatellaDistance(
         patellae=tuple(patella_directions(model)),
         markers=tuple(reading.marker for reading in used),
-        left_out=tuple(reading.marker for reading in readings if reading not in used),
         estimate=estimate(Problem(unknowns, residuals)),
     )
 
 
-def _may_lie_there(reading: PatellaReadings) -> bool:
-    """Whether a marker is as high as one on a patella can be."""
-    parts = (DISTANCE_SD, TRACK_SD, AXIS_SD, BONE_SD, SKIN_SD, MARKER_SD, PLACE_SD)
-    limit = MAX_SD * float(np.sqrt(np.sum(np.square(parts))))
-    return abs(reading.mean - reading.expected) < limit
+def unlikely_marker_notes(readings: Sequence[PatellaReadings]) -> Iterator[Message]:
+    """Report markers that lie where no patella is.
+
+    Parameters
+    ----------
+    readings : of all markers on patellae
+
+    Yields
+    ------
+    one sentence, or none
+    """
+    off = [
+        f"{reading.marker} {1e3 * (reading.mean - reading.expected):+.0f} mm"
+        for reading in readings
+        if not reading.likely
+    ]
+    if off:
+        yield MARKERS.message(
+            f"markers on patellae that lie off these: {', '.join(off)} from the middle of the skin"
+            " before the bone; they say nothing of the distance of patellae: check their names"
+        )
 
 
 def _blocks(readings: Sequence[PatellaReadings]) -> Iterator[Block]:

@@ -75,9 +75,7 @@ def with_markers_on_patellae(model: Model) -> Model:
     the same model where no marker changes its body
     """
     patellae = guided_patellae(model)
-    named = {
-        name for name, site in recognize(model.marker_names).sites.items() if site.key == SITE
-    }
+    named = {name for name, site in recognize(model.marker_names).sites.items() if site.key == SITE}
     on_thigh = [
         marker for marker in model.markers if marker.name in named and marker.body in patellae
     ]

@@ -181,6 +181,7 @@ def calibration_section(calibration: Calibration, recordings: Sequence[str]) -> 
             folded=len(lengths) > MAX_OPEN_ROWS,
         ),
         Grid(head=head, rows=zeros, title="Zero angles", folded=len(zeros) > MAX_OPEN_ROWS),
+        *_patella_grid(calibration),
         Grid(("Note",), tuple((text,) for text in calibration.notes), "Notes of the calibration"),
     )
     charts = [*_length_chart(lengths), *_marker_chart(calibration)]
@@ -192,6 +193,19 @@ def calibration_section(calibration: Calibration, recordings: Sequence[str]) -> 
         figures=tuple(Figure(chart, "medium") for chart in charts),
         grids=grids,
     )
+
+
+def _patella_grid(calibration: Calibration) -> Iterator[Grid]:
+    """Yield the distance of patellae where markers on them inform it."""
+    found = calibration.patella
+    if found is not None:
+        interval = found.interval
+        limits = f"{number(1e3 * interval.low)} to {number(1e3 * interval.high)} mm"
+        share = f"{number(100.0 * found.share)} %"
+        shown = "yes" if found.shown else "no"
+        row = (_millimetres(interval.value), limits, ", ".join(found.markers), share, shown)
+        head = ("Beyond the model's", "90 % interval", "Markers", "Their share", "Shown")
+        yield Grid(head=head, rows=(row,), title="Distance of patellae from the knees' axes")
 
 
 def _calibration_lead(calibration: Calibration) -> str:

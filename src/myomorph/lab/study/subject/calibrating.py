@@ -13,6 +13,7 @@ import numpy as np
 
 from myomorph.body.calibrate.calibrate import calibrate
 from myomorph.body.calibrate.calibration import SOURCES, Calibration, CalibrationOptions
+from myomorph.body.calibrate.patella_fit import PatellaDistance
 from myomorph.core.io.osim.setup_parts import read_ik_tasks, read_marker_set
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.findings import Finding, messages_of_findings
@@ -152,7 +153,8 @@ def write_calibrated(calibrated: Calibrated, out: Path, tables: Path) -> tuple[s
         write_rows(length_rows(calibration), folder / "lengths.csv")
         write_rows(marker_rows(calibration), folder / "markers.csv")
         write_rows(zero_rows(calibration), folder / "zero_angles.csv")
-        write_rows(patella_rows(calibration), folder / PATELLAE)
+        if calibration.patella is not None:
+            write_rows(patella_rows(calibration.patella), folder / PATELLAE)
         write_error_sizes(folder, STEP.name, calibrated_errors(calibration))
         (folder / FINDINGS).write_text(findings_text(calibrated.findings), encoding="utf-8")
         write_notes(folder, messages_of_findings(calibrated.findings))
@@ -225,17 +227,13 @@ def zero_rows(calibration: Calibration) -> list[dict[str, object]]:
     ]
 
 
-def patella_rows(calibration: Calibration) -> list[dict[str, object]]:
-    """Return a row with the distance of the patellae, none where no marker on them shows it."""
-    found = calibration.patella
-    if found is None:
-        return []
+def patella_rows(found: PatellaDistance) -> list[dict[str, object]]:
+    """Return a row with how much farther patellae lie than the given model's, and how sure."""
     interval = found.interval
     return [
         {
             "patellae": " ".join(found.patellae),
             "markers": " ".join(found.markers),
-            "left_out": " ".join(found.left_out),
             "farther_mm": 1e3 * interval.value,
             "lowest_mm": 1e3 * interval.low,
             "highest_mm": 1e3 * interval.high,
