@@ -103,7 +103,7 @@ PAGES: dict[str, dict[str, str]] = {
         "knee_statics": "accuracy.tension.knee_statics:measure",
         "knee_patella": "accuracy.tension.knee_patella:measure",
         "patella_markers": "accuracy.tension.patella_markers:measure",
-        "patella_people": "accuracy.tension.patella_markers:measure_people",
+        "patella_people": "accuracy.tension.patella_people:measure",
         "implant_ranges": "accuracy.tension.implant_ranges:measure",
         "knee_arms": "accuracy.tension.knee_activities:measure_arms",
         "hip": "accuracy.tension.hip:measure",
