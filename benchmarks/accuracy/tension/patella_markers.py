@@ -24,30 +24,36 @@ from benchmarks.accuracy.tension.knee import (
 from benchmarks.errors import rms
 from benchmarks.results import Row
 from myomorph.core.model.arrays import Array
+from myomorph.lab.study.subject.calibrating import PATELLAE
 
 CONTACT_FORCES = "joint_contact_forces.sto"
+CHANGES = {
+    "left out": ("mass = 75.0\n", 'labels = { LPatella = "", RPatella = "" }\n'),
+    "tracked only": ("[options.tension]\n", "[options.calibrate]\npatellae = false\n\n"),
+    "used (default)": ("", ""),
+}
+"""Of the study file that `analyze --prepare` writes: what a line is put before, and the line."""
 
 
 def measure(folder: Path) -> Iterator[Row]:
-    """Error of the left knee's force by one `analyze` of both walks' C3D files.
+    """Error of the left knee's force by `analyze` of both walks' C3D files.
 
-    Rows are of the markers on patellae left out, and used.
+    Rows are of the markers on patellae left out, tracked only, and used.
     """
-    for name, dropped in (("left out", True), ("used", False)):
+    recordings = [folder / STUDY / f"{stride}.c3d" for stride in STRIDES]
+    for name, (before, line) in CHANGES.items():
         with tempfile.TemporaryDirectory() as work:
-            here = Path(work)
-            recordings = [folder / STUDY / f"{stride}.c3d" for stride in STRIDES]
-            settings: tuple[object, ...] = ()
-            if dropped:
-                labels = here / "labels.csv"
-                labels.write_text("recorded,model\nLPatella,\nRPatella,\n", encoding="utf-8")
-                settings = ("--labels", labels)
-            command("analyze", *recordings, "--mass", 75, *settings, "--out", here / "out")
-            row = {} if dropped else patella_line(here / "out" / "calibration")
+            study = Path(work) / "study.toml"
+            command("analyze", *recordings, "--mass", 75, "--prepare", "--out", work)
+            text = study.read_text(encoding="utf-8").replace(before, line + before, 1)
+            study.write_text(text, encoding="utf-8")
+            results = Path(work) / "results"
+            command("run", study, "--out", results)
+            tables = results / "calibration"
+            row = patella_line(tables) if (tables / PATELLAE).is_file() else {}
             for stride in STRIDES:
-                yield {"markers on patellae": name, "stride": stride} | _errors(
-                    folder, here / "out" / stride, stride, row
-                )
+                errors = _errors(folder, results / stride, stride, row)
+                yield {"markers on patellae": name, "stride": stride} | errors
 
 
 def _errors(folder: Path, results: Path, stride: str, patellae: Mapping[str, str]) -> Row:
@@ -88,5 +94,5 @@ def _start(path: Path) -> float:
 
 def patella_line(tables: Path) -> Mapping[str, str]:
     """Read the line on patellae of a calibration."""
-    with (tables / "patellae.csv").open(encoding="utf-8", newline="") as stream:
+    with (tables / PATELLAE).open(encoding="utf-8", newline="") as stream:
         return next(csv.DictReader(stream))
