@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +26,8 @@ from myomorph.body.calibrate.patella_markers import (
     moved_marker_notes,
     with_markers_on_patellae,
 )
+from myomorph.core.io.osim.write import write_osim
+from myomorph.core.io.trc import write_trc
 from myomorph.core.model.model import Axis, Coordinate, Marker
 from myomorph.core.model.series import Motion
 from myomorph.core.motion.protocols import recognize
@@ -38,6 +41,10 @@ from myomorph.core.muscles.patella_spread import DISTANCE_SD, TRACK_SD
 from myomorph.core.rigid.kinematics import forward_kinematics, standing_poses
 from myomorph.core.rigid.tree import compile_tree
 from myomorph.lab.analyze.generic_model import generic_model
+from myomorph.lab.study.inputs.error_size_tables import read_error_sizes, tables_beside
+from myomorph.lab.uncertainty.bodies import Draw, drawn_patellae
+from myomorph.lab.uncertainty.normals import Normals
+from myomorph.lab.uncertainty.sources import Sources, source_sizes
 from truths.patella_person import Traits, recorded_person
 
 LABELS = (
@@ -291,3 +298,50 @@ def test_without_the_option_markers_are_tracked_and_patellae_stay(bones) -> None
             atol=1e-12,
         )
     assert stays.model.marker("RPAT").body == "patella_r"
+
+
+def test_the_command_writes_what_draws_take(bones, command, tmp_path) -> None:
+    person = recorded_person(*bones, 24)
+    generic, _ = generic_model(recognize(person.walk.names).sites)
+    write_osim(generic, tmp_path / "generic.osim")
+    write_trc(person.walk, tmp_path / "walk.trc")
+    write_trc(person.static, tmp_path / "static.trc")
+    said = command(
+        "calibrate",
+        "--model",
+        tmp_path / "generic.osim",
+        "--markers",
+        tmp_path / "walk.trc",
+        "--static",
+        tmp_path / "static.trc",
+        "--frames",
+        20,
+        "--out",
+        tmp_path / "person.osim",
+    )
+    assert said.status == 0, said.err
+    assert "which alone do not show it" in said.out
+    tables = tmp_path / "person_calibration"
+    (row,) = read_rows(tables / "patellae.csv")
+    assert row["markers"] == "RPAT LPAT"
+    assert float(row["lowest_mm"]) < float(row["farther_mm"]) < float(row["highest_mm"])
+    assert "Distance of patellae" in (tables / "report.html").read_text()
+    sizes = read_error_sizes(tables_beside(tmp_path / "person.osim"))
+    size = sizes.of("patella_distance", "patella_r")
+    assert size is not None
+    assert size.size == pytest.approx(1e-3 * float(row["sd_mm"]), rel=1e-5)
+    assert size.size < Sources().patella_distance
+    (line,) = (one for one in source_sizes(Sources(), sizes) if one.source == "patella_distance")
+    assert (line.origin, line.items) == ("calibrate", 2)
+    # Both knees are drawn alike, each by its size
+    drawn = Draw(0, replace(Sources(), patella=0.0), Normals(10), sizes)
+    moves = drawn_patellae(generic, drawn)
+    ways = patella_directions(generic)
+    steps = [float(moves[body] @ way) for body, way in ways.items()]
+    assert steps[0] == pytest.approx(steps[1])
+    assert steps[0] != 0.0
+
+
+def read_rows(path):
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))

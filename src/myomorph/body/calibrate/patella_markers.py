@@ -62,7 +62,7 @@ def markers_on_patellae(model: Model) -> Mapping[str, str]:
 def with_markers_on_patellae(model: Model) -> Model:
     """Let markers that lie on patellae by their names follow these instead of the thighs.
 
-    A patella goes down the thigh by some 4 cm while the knee bends by 60 degrees; a marker on it
+    A patella moves on the thigh by some 5 cm while the knee bends by 60 degrees; a marker on it
     that the model has on the thigh would turn the thigh by it. In the default pose all markers stay
     where they are.
 
