@@ -3,6 +3,7 @@ from ..calibrate.calibration import LengthEstimate as LengthEstimate
 from ..calibrate.calibration import MarkerEstimate as MarkerEstimate
 from ..calibrate.calibration import SideEstimate as SideEstimate
 from ..calibrate.calibration import ZeroAngle as ZeroAngle
+from ..calibrate.patella_fit import PatellaDistance as PatellaDistance
 from ..identify.base import BaseFit as BaseFit
 from ..identify.determined import Determined as Determined
 from ..identify.least_squares import Recording as Recording

@@ -237,6 +237,18 @@ def find_supports(model: Model, motion: Motion, known: Wrenches | None = None) -
     Returns
     -------
     none for a body without feet, and where several bodies move
+
+    Raises
+    ------
+    UnknownName : the motion has a coordinate that the model does not have
+
+    Examples
+    --------
+    >>> import myomorph as mm
+    >>> model = mm.read_model("arm.osim")
+    >>> motion = mm.inverse_kinematics(model, mm.read_recording("reach.trc").markers).motion
+    >>> mm.contact.find_supports(model, motion).all
+    ()
     """
     motion = _differentiated(motion)
     whole = np.isfinite(motion.values).all(axis=1)
