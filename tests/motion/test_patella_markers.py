@@ -252,10 +252,10 @@ def bones(data):
     )
 
 
-def calibrated(person, **settings):
+def calibrated(person, patellae=True):
     """Calibrate the generic model by a person's walk and standing."""
     generic, _ = generic_model(recognize(person.walk.names).sites)
-    options = CalibrationOptions(static=person.static, frames=24, **settings)
+    options = CalibrationOptions(static=person.static, frames=24, patellae=patellae)
     return calibrate(generic, [person.walk], options, path_lengths=default_path_lengths)
 
 
@@ -331,10 +331,12 @@ def test_the_command_writes_what_draws_take(bones, command, tmp_path) -> None:
     assert size is not None
     assert size.size == pytest.approx(1e-3 * float(row["sd_mm"]), rel=1e-5)
     assert size.size < Sources().patella_distance
-    (line,) = (one for one in source_sizes(Sources(), sizes) if one.source == "patella_distance")
-    assert (line.origin, line.items) == ("calibrate", 2)
+    lines = {one.source: one for one in source_sizes(Sources(), sizes)}
+    assert lines["patella_distance"].origin == "calibrate"
+    assert lines["patella_distance"].items == 2
     # Both knees are drawn alike, each by its size
-    drawn = Draw(0, replace(Sources(), patella=0.0), Normals(10), sizes)
+    sources = replace(Sources(), patella=0.0)
+    drawn = Draw(number=0, sources=sources, normals=Normals(10), found=sizes)
     moves = drawn_patellae(generic, drawn)
     ways = patella_directions(generic)
     steps = [float(moves[body] @ way) for body, way in ways.items()]

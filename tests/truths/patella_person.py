@@ -196,7 +196,8 @@ def _on_patellae(person, mesh: Path, random, traits) -> dict[str, tuple[str, np.
     for side in "RL":
         site = np.array([0.0, 0.026 + random.uniform(-0.01, 0.01), random.uniform(-0.008, 0.008)])
         mirrored = site * (1.0, 1.0, 1.0 if side == "R" else -1.0)
-        normals, offsets = hull.equations[:, :3], hull.equations[:, 3]
+        normals = hull.equations[:, :3]
+        offsets = hull.equations[:, 3]
         ahead = normals @ WAY > 1e-9
         front = np.min(-(offsets[ahead] + normals[ahead] @ mirrored) / (normals[ahead] @ WAY))
         depth = front + (site - MIDDLE) @ WAY
@@ -222,7 +223,8 @@ def _recorded(person, state, time, values, places, random, traits) -> Markers:
     for frame in range(len(time)):
         _pose(person, state, {name: float(series[frame]) for name, series in values.items()})
         for number, (name, (body, place)) in enumerate(places.items()):
-            knee = coordinates.get(f"knee_angle_{'r' if name[0] == 'R' else 'l'}").getValue(state)
+            side = "r" if name[0] == "R" else "l"
+            knee = coordinates.get(f"knee_angle_{side}").getValue(state)
             flexed = (knee - 0.5) / 0.5
             other = np.sin(3.0 * time[frame] + number)
             moved = place + flexed * swings[name][0] + other * swings[name][1]

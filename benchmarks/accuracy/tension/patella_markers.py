@@ -70,7 +70,7 @@ def _errors(folder: Path, results: Path, stride: str, patellae: Mapping[str, str
             row["measured peak [BW]"] = float(truth[:, number].max()) / BODY_WEIGHT
     for name in ("farther_mm", "lowest_mm", "highest_mm"):
         title = name.replace("_mm", " [mm]")
-        row[title] = float(patellae[name]) if patellae else None
+        row[title] = float(patellae[name]) if patellae else ""
     return row
 
 

@@ -79,7 +79,7 @@ def measure(folder: Path) -> Iterator[Row]:
 
 
 def _of_person(person: PatellaPerson) -> Mapping[str, float]:
-    """True and estimated distances of a person [m]."""
+    """Compare true and estimated distances of a person [m]."""
     with tempfile.TemporaryDirectory() as work:
         here = Path(work)
         model, _ = generic_model(recognize(person.walk.names).sites)

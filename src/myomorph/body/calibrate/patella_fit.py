@@ -231,7 +231,7 @@ def _block(name: str, unknown: str, sd: float) -> Block:
 
 
 def _depth_sd() -> float:
-    """Standard deviation of what lies between a marker and the muscle paths [m]."""
+    """Compute the standard deviation of what lies between marker and muscle paths [m]."""
     return float(np.sqrt(BONE_SD**2 + SKIN_SD**2 + MARKER_SD**2))
 
 

@@ -84,7 +84,7 @@ def with_markers_on_patellae(model: Model) -> Model:
     poses = standing_poses(model)
 
     def moved(marker: Marker) -> Marker:
-        """The marker on the patella, at the same place in the default pose."""
+        """Attach a marker to the patella, at the same place in the default pose."""
         patella = patellae[marker.body]
         seen = poses[patella].inverse().apply(poses[marker.body].apply(marker.location))
         return replace(marker, body=patella, location=np.asarray(seen))
