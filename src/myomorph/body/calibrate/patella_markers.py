@@ -110,5 +110,5 @@ def moved_marker_notes(given: Model, used: Model) -> Iterator[Message]:
         yield MARKERS.message(
             f"on patellae by their names, and on thighs in the model: {', '.join(moved)}; they"
             " follow the patellae",
-            gravity="good to know",
+            severity="good to know",
         )
