@@ -47,8 +47,8 @@ class CalibrationOptions:
     symmetric : give the right and the left side the same lengths
     fit : unknowns that are estimated together: "lengths", "markers" (their positions); others keep
         the values of the given model, lengths scaled to the overall size
-    method : "joint": all unknowns at once; "alternating": lengths and marker positions in turn, as
-        in [D]
+    method : order of estimation; "joint": all unknowns at once; "alternating": lengths and marker
+        positions in turn, as in [D]
     mass : body mass [kg]; by default the model's, scaled with the segments
     length_sd : relative standard deviation of a segment's length from the overall size
     shape_sd : relative standard deviation between the scale factors of a segment along and across
@@ -60,8 +60,9 @@ class CalibrationOptions:
     marker_sd : standard deviation of a marker's position from that on the given model [m]; outliers
         are released (Student's t with 3 degrees of freedom); by default 0.02 on a body of human
         size, on a smaller one in proportion (`length_unit`)
-    fixed_sd : the same for markers that the model calls fixed, as on bony landmarks, which are not
-        released [m]; by default 0.01 on a body of human size, on a smaller one in proportion
+    fixed_sd : standard deviation of the position of a marker that the model calls fixed, as on a
+        bony landmark, from that on the given model [m]; such markers are not released; by default
+        0.01 on a body of human size, on a smaller one in proportion
     noise : standard deviation of a marker's position on a rigid body along one axis, mostly
         movement of the skin [m]; 0 estimates it from the residual, which is right for markers
         without skin; by default 0.005 on a body of human size, on a smaller one in proportion

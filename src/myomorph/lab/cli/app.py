@@ -8,7 +8,7 @@ from myomorph import __version__
 from myomorph.core.model.extension import CommandEntry
 from myomorph.core.model.registry import extensions, with_extensions
 from myomorph.lab.cli import rare_options as rare
-from myomorph.lab.cli.panels import PanelHelp
+from myomorph.lab.cli.panels import METHOD, PanelHelp
 from myomorph.lab.study.step.step_table import STEPS
 
 PANELS = ("Main job", "The body", "The movement and its forces", "Files")
@@ -219,6 +219,7 @@ OWN_COMMANDS = {
             "cutoff",
         ),
         rare_options=rare.IDENTIFY,
+        option_panels={METHOD: ("weights",)},
     ),
     "transfer": CommandEntry(
         function="myomorph.lab.cli.transfer:transfer_command",

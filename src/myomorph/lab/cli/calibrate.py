@@ -35,7 +35,8 @@ class CalibrateFiles:
     out : model to write (.osim); tables of lengths and markers go into a folder next to it
     markers : one or more recordings of markers (.trc, .c3d, .mat or .h5)
     static : recording of quiet standing
-    marker_set : OpenSim marker set (.xml) that replaces markers of the model with the same name
+    marker_set : OpenSim marker set (.xml), whose markers are added to the model and replace those
+        of the same name
     """
 
     model: flags.ModelFile
