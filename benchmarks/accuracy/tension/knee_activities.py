@@ -165,12 +165,12 @@ def _row(folder: Path, activity: Activity, model_name: str, way: str) -> Row:
         "solved": way,
         "frames": int(standing.sum()),
     }
-    row["greatest flexion [deg]"] = float(bend[standing].max())
+    row["maximum flexion [deg]"] = float(bend[standing].max())
     for angle in FLEXIONS:
         near = standing[:, None] & (np.abs(bend - angle) < 5.0)
         row[f"total at {angle:g} deg [BW]"] = float(total[near].mean()) if near.any() else ""
-    row["greatest, mean of both knees [BW]"] = float(total[standing].max(axis=0).mean())
-    row["greatest in implants [BW]"] = activity.implants
+    row["maximum, mean of both knees [BW]"] = float(total[standing].max(axis=0).mean())
+    row["maximum in implants [BW]"] = activity.implants
     row["vastus lateralis over medialis"] = _share(found, standing)
     row["not optimal"] = int((~found.optimal).sum())
     return row

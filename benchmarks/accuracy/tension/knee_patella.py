@@ -42,9 +42,9 @@ def measure(folder: Path) -> Iterator[Row]:
                     "activity": activity.name,
                     "patella farther by [mm]": 1e3 * distance,
                     "arm of the tendon at 90 deg [cm]": _arm(moved),
-                    "greatest force [BW]": _peak(moved, motion, wrenches),
-                    "least by statics [BW]": float(least / model.weight),
-                    "greatest in implants [BW]": activity.implants,
+                    "peak force [BW]": _peak(moved, motion, wrenches),
+                    "minimum by statics [BW]": float(least / model.weight),
+                    "maximum in implants [BW]": activity.implants,
                 }
 
 

@@ -45,7 +45,7 @@ def measure(folder: Path) -> Iterator[Row]:
             standing = wrenches.forces[:, :, 1].sum(axis=1) > 0.9 * model.weight
             found = static_joint_loads(model, motion, wrenches)
             yield _without_implant(activity.name, found, standing) | {
-                "greatest in implants [BW]": activity.implants
+                "maximum in implants [BW]": activity.implants
             }
 
 
@@ -83,8 +83,8 @@ def _compared(name: str, found: StaticLoads, joint: str, clock: Array, measured:
     truth = measured / found.weight
     return {
         "recording": name,
-        "peak of the least force [BW]": float(low.max()),
-        "peak of the greatest force [BW]": float(high.max()),
+        "peak of the minimum force [BW]": float(low.max()),
+        "peak of the maximum force [BW]": float(high.max()),
         "measured peak [BW]": float(truth.max()),
         "measured below [%]": 100.0 * float(np.mean(truth < low)),
         "below by, mean [BW]": float(np.maximum(low - truth, 0.0).mean()),
@@ -102,6 +102,6 @@ def _without_implant(name: str, found: StaticLoads, frames: Array) -> Row:
     ]
     return {
         "recording": name,
-        "peak of the least force [BW]": peaks[0],
-        "peak of the greatest force [BW]": peaks[1],
+        "peak of the minimum force [BW]": peaks[0],
+        "peak of the maximum force [BW]": peaks[1],
     }
