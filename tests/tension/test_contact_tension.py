@@ -48,6 +48,16 @@ def hidden(walker):
     return solve_tension(model, motion, tau, contacts=task(model, motion))
 
 
+def test_contacts_are_found_beside_passive_torques_of_hips(walker):
+    """These take the place of passive forces, which the contact problem has else."""
+    model, motion, _, tau = walker
+    options = TensionOptions(joint_tissue="hips")
+    found = solve_tension(model, motion, tau, options, contacts=task(model, motion))
+    assert found.contacts is not None
+    assert found.options.joint_tissue == "hips"
+    assert found.optimal.all()
+
+
 def _residual(tension, letter: str) -> np.ndarray:
     """Residual force ("F") or moment ("M") on the pelvis (frames, 3)."""
     return np.column_stack(

@@ -92,8 +92,9 @@ def tension_problem(inputs: TensionInputs, only: Collection[str] | None = None) 
     """Set up what `solve_tension` solves with rigid tendons.
 
     With contacts it is the problem that finds their forces, with passive forces by
-    `ContactOptions.contact_passive`. Further terms may speak of contacts and muscles alike: with
-    any, one problem finds both by the options as they are.
+    `ContactOptions.contact_passive`, but never beside passive torques of joints. Further terms may
+    speak of contacts and muscles alike: with any, one problem finds both by the options as they
+    are.
 
     Parameters
     ----------
@@ -101,8 +102,9 @@ def tension_problem(inputs: TensionInputs, only: Collection[str] | None = None) 
     only : coordinates whose equations are kept, where not all are
     """
     if inputs.contacts is not None and not inputs.terms and inputs.options.tendons == "rigid":
-        options = replace(inputs.options, passive=inputs.contacts.options.contact_passive)
-        inputs = replace(inputs, options=options)
+        # Passive torques of joints hold what muscles would give passively.
+        passive = inputs.contacts.options.contact_passive and inputs.options.joint_tissue == "none"
+        inputs = replace(inputs, options=replace(inputs.options, passive=passive))
     return TensionProblem(inputs, MuscleTerm(compile_tree(inputs.model), inputs.options), only)
 
 
