@@ -8,6 +8,7 @@ import numpy as np
 
 from myomorph.swings.viscosity.identification.excitation import Excitation
 from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
+from myomorph.swings.viscosity.identification.inertia import limb_inertia
 from myomorph.swings.viscosity.swings.sums import swing_sums
 from myomorph.swings.viscosity.trust.freed import ActingTerms, FreedProblem
 from myomorph.swings.viscosity.trust.models import PassiveOptions, compare_passive_laws
@@ -38,7 +39,8 @@ def test_a_ball_that_is_released_without_spin_stays_one_value():
     swings = [replace(one, cutoff=10.0) for one in joint.swings(10.0)]
     assert compare_passive_laws(swings, FEW).acting is None
     sums = swing_sums(swings)
-    freed = FreedProblem.of(swings, sums, joint.truth.parameters)
+    limb = replace(limb_inertia(sums), parameters=joint.truth.parameters)
+    freed = FreedProblem.of(swings, sums, limb)
     axes = freed.fit(ActingTerms("viscosity by axis")).law[:3] / DAMPING
     assert (np.abs(axes - 1.0) < [0.03, 0.03, 0.08]).all()
 

@@ -118,7 +118,8 @@ def test_what_acts_is_found_though_the_inertia_is_off(ball, name, form, friction
         for each in ball[name]
     ]
     problem = PassiveProblem.of(bare, 0.1, InertiaOptions())
-    off = problem.parameters(np.ones(len(problem.sums))) * np.linspace(0.98, 1.02, 10)
+    inertia = problem.inertia(np.ones(len(problem.sums)))
+    off = replace(inertia, parameters=inertia.parameters * np.linspace(0.98, 1.02, 10))
     acting = acting_law(problem, off, (), Bootstrap(draws=20, seed=0))
     if not form:
         assert acting is None

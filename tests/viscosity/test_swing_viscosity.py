@@ -257,14 +257,14 @@ def test_axes_that_do_not_turn_do_not_shrink_the_others(monkeypatch):
         remade(one, wrench=one.wrench + 0.03 * random.standard_normal(one.wrench.shape))
         for one in exact
     ]
-    swings = shaken(plate, random, 0.5)
+    swings = shaken(plate, random, 1.0)
     errors = []
     for share in (swing_prediction.SPEED_THRESHOLD, 0.0):
         monkeypatch.setattr(swing_prediction, "SPEED_THRESHOLD", share)
         parameters = limb_inertia(swing_sums(swings), None, InertiaOptions("known")).parameters
         errors.append(np.abs(parameters[[2, 4]] / limb.parameters[[2, 4]] - 1.0).max())
     assert errors[0] < 0.005
-    assert errors[1] > 2.0 * errors[0]
+    assert errors[1] > 20.0 * errors[0]
 
 
 def test_a_body_that_cannot_be_is_not_returned(bare):

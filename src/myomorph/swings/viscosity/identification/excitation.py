@@ -9,7 +9,10 @@ import numpy as np
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.swings.recording import SwingRecording
-from myomorph.swings.viscosity.swings.sums import unexplained_accelerations
+from myomorph.swings.viscosity.swings.sums import (
+    noise_of_rates,
+    unexplained_accelerations,
+)
 
 NOT_SHOWN = Interval(value=float("nan"), low=0.0, high=float("inf"))
 """Viscosity about an axis of which swings tell nothing."""
@@ -20,10 +23,6 @@ from an error of a tenth in the other axes' torque is then as large as its own.
 MAX_NOISE = 0.02
 """Share of noise in the squares of an axis' rates above which it is not excited: its viscosity is
 too small by as much, for noise in a rate counts as motion that nothing resists.
-"""
-WHITE = 5.0 / 3.0
-"""Variance of a rate times (2 pi cutoff)^2, over that of the acceleration: of angles with white
-noise below a cutoff.
 """
 
 
@@ -60,7 +59,7 @@ class Excitation:
         cutoff = recordings[0].cutoff
         if cutoff is not None:
             left = unexplained_accelerations(recordings)
-            noise = np.sqrt(WHITE) * left / (2.0 * np.pi * cutoff)
+            noise = np.sqrt(noise_of_rates(left**2, cutoff))
         return cls(rates=np.sqrt(np.square(rates).mean(axis=0)), noise=noise)
 
     @property

@@ -14,6 +14,7 @@ from myomorph.body.identify.pseudo_inertia import (
     PseudoInertiaOptions,
     solve_pseudo_inertia,
     solve_ridge,
+    tangents,
 )
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
@@ -28,13 +29,14 @@ the same in all trials of a condition; a constant wrench of each trial, which hi
 """
 
 # Radius of the prior's cylinder as a share of its mass center's distance from the joint.
-SLENDER = 0.1
+SLENDER = 0.3
 FIXED = 1e-8
 """Share of the squares of a unit mass' force that changes, below which the base is fixed: what is
 left of it is rounding. On a base that moves the mass is carried along.
 """
 # Share of the squared misfit by which a possible body may fit worse and still be what was measured.
 IMPOSSIBLE = 1e-3
+NOISE_ROUNDS = 4  # How often the rows of the wrench are weighed anew.
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,8 @@ class LimbInertia:
         guess
     possible : whether a body can have the parameters that the wrench shows, up to its noise
     hinge : (3,) axis along which the mass center is not shown; zeros where it is
+    spread : (10, 10) independent errors of one standard deviation in columns, were the noise of
+        all frames independent
     """
 
     parameters: Array
@@ -79,6 +83,7 @@ class LimbInertia:
     hidden: bool
     possible: bool
     hinge: Array
+    spread: Array
 
     @property
     def mass(self) -> float:
@@ -189,7 +194,27 @@ def limb_inertia(
         hidden=hidden,
         possible=possible,
         hinge=_hinge(sums) if free else np.zeros(3),
+        spread=_spread(A, reference, options.prior_sd),
     )
+
+
+def _spread(A: Array, reference: Array, sd: float) -> Array:
+    """Find how far parameters may be off, see `LimbInertia.spread`.
+
+    Parameters
+    ----------
+    A : (rows, 10) equations in units of their noise
+    reference : (10,) mean of the prior
+    sd : relative standard deviation of the prior
+
+    Returns
+    -------
+    (10, 10)
+    """
+    changes = tangents(reference[None])[0]
+    # By singular values: of swings without noise the covariance itself would be rounding.
+    _, values, directions = np.linalg.svd(np.vstack([A @ changes, np.eye(PARAMETERS) / sd]))
+    return np.asarray(changes @ directions.T / values)
 
 
 def _hinge(sums: SwingSums) -> Array:
@@ -211,7 +236,7 @@ def _noise(products: Array, frames: float) -> Array:
     size = np.sqrt(products[:, WRENCH, WRENCH] / frames)
     least = 1e-9 * np.repeat([size[:3].max(), size[3:].max()], 3)
     noise = np.maximum(size, least)
-    for _ in range(4):
+    for _ in range(NOISE_ROUNDS):
         parameters = _least_norm(*_equations(np.tensordot(noise**-2.0, products, axes=1)))
         taken = np.append(parameters, -1.0)
         left = np.einsum("rij,i,j->r", products[:, : WRENCH + 1, : WRENCH + 1], taken, taken)

@@ -17,6 +17,7 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
+from myomorph.swings.viscosity.swings.friction import friction_rows
 from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
 
 SPEED_THRESHOLD = 0.1
@@ -25,6 +26,14 @@ EXPLAINED = 0.8
 state explains less than this. Only noise is measured there; it would say that the inertia is small,
 and a possible body's other inertias with it. White noise below a cutoff explains 0.56 of its own
 second derivative.
+"""
+NOISY = 0.25
+"""Nor is a direction still in which noise of such accelerations makes less than this share of the
+squares of rates: where dry friction holds and lets go, no state explains the acceleration.
+"""
+WHITE = 5.0 / 3.0
+"""Variance of a rate times (2 pi cutoff)^2, over that of the acceleration: of angles with white
+noise below a cutoff.
 """
 
 
@@ -94,11 +103,12 @@ def predicted_rows(
 ) -> list[PredictedRows]:
     """Make rows with the measured acceleration, and with the one that the state predicts.
 
-    A rigid limb on a joint with linear spring and damper accelerates by I^-1 (m c x g - omega x I
-    omega - d omega - k theta): linear in the direction of gravity, the products of the rates, the
-    rates and the angles. The fit of the measured acceleration to these has hardly any of its noise,
-    and what it has is not that of the acceleration at the same instant. Rows with it are the
-    instruments of step 1 (Janot, Vandanjon, Gautier 2014): least squares on the rows themselves
+    A rigid limb on a joint with linear spring, damper and dry friction accelerates by I^-1 (m c x g
+    - omega x I omega - d omega - k theta - c sign omega): linear in the direction of gravity, the
+    products of the rates, the rates, their signs and the angles. The fit of the measured
+    acceleration to these has hardly any of its noise, and what it has is not that of the
+    acceleration at the same instant. Rows with it are the instruments of step 1 (Janot, Vandanjon,
+    Gautier 2014): least squares on the rows themselves
     draws the parameters towards zero, because noise in a row counts as motion.
 
     Parameters
@@ -119,7 +129,7 @@ def predicted_rows(
     rates = np.concatenate(
         [recording.rates[use] for recording, use in zip(recordings, frames, strict=True)]
     )
-    still = _still(rates, b, A @ law)
+    still = _still(rates, b, A @ law, recordings[0].cutoff)
     turning = np.eye(len(still)) - still
     result = []
     for recording, state, seen in zip(recordings, states, measured, strict=True):
@@ -196,13 +206,14 @@ def _acceleration_law(states: Array, accelerations: Array) -> Array:
     return np.asarray(law)
 
 
-def _still(rates: Array, measured: Array, predicted: Array) -> Array:
+def _still(rates: Array, measured: Array, predicted: Array, cutoff: float | None) -> Array:
     """Make the projection on the directions in which the limb is still.
 
     Parameters
     ----------
     rates : (frames, axes) [rad/s]
     measured, predicted : (frames, axes) acceleration [rad/s^2]
+    cutoff : of the low-pass of both; None without one [Hz]
 
     Returns
     -------
@@ -211,19 +222,39 @@ def _still(rates: Array, measured: Array, predicted: Array) -> Array:
     squares, directions = np.linalg.eigh(rates.T @ rates)
     seen = np.square(measured @ directions).sum(axis=0)
     left = np.square((measured - predicted) @ directions).sum(axis=0)
-    still = directions[
-        :, (squares < SPEED_THRESHOLD**2 * squares[-1]) & (left > (1.0 - EXPLAINED) * seen)
-    ]
-    return still @ still.T
+    still = (squares < SPEED_THRESHOLD**2 * squares[-1]) & (left > (1.0 - EXPLAINED) * seen)
+    if cutoff is not None:
+        still &= noise_of_rates(left, cutoff) > NOISY * squares
+    return directions[:, still] @ directions[:, still].T
+
+
+def noise_of_rates(accelerations: Array, cutoff: float) -> Array:
+    """Find the noise in rates from that in their slopes, of angles with white noise below a cutoff.
+
+    Parameters
+    ----------
+    accelerations : variance of their noise [rad^2/s^4]
+    cutoff : of the low-pass [Hz]
+
+    Returns
+    -------
+    variance of the noise of rates [rad^2/s^2], as many
+    """
+    return WHITE * accelerations / (2.0 * np.pi * cutoff) ** 2
 
 
 def _state(swing_recording: SwingRecording) -> Array:
-    """Put gravity's direction, rates, their products, angles and a one in columns (frames, n)."""
+    """Put what accelerates a limb in columns (frames, n).
+
+    These are gravity's direction, rates, their products, angles, dry friction and a one.
+    """
     down = np.einsum("fji,j->fi", swing_recording.rotations, swing_recording.gravity)
     first, second = np.triu_indices(swing_recording.rates.shape[1])
     products = swing_recording.rates[:, first] * swing_recording.rates[:, second]
     constant = np.ones((len(swing_recording), 1))
-    return np.hstack([down, swing_recording.rates, products, swing_recording.angles, constant])
+    rubbing = friction_rows(swing_recording).reshape(len(swing_recording), -1)
+    motion = swing_recording.rates, products, swing_recording.angles
+    return np.hstack([down, *motion, rubbing, constant])
 
 
 def _rows_of(rotations: Array, accelerations: Array) -> Array:

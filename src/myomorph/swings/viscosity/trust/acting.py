@@ -23,6 +23,7 @@ from myomorph.core.fit.interval_rule import interval_of_draws
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.identification.excitation import NOT_SHOWN, Excitation
+from myomorph.swings.viscosity.identification.inertia import LimbInertia
 from myomorph.swings.viscosity.swings.friction import FRICTIONS
 from myomorph.swings.viscosity.swings.recording import SwingRecording
 from myomorph.swings.viscosity.trust.freed import (
@@ -170,14 +171,14 @@ class LawDraws(NamedTuple):
 
 
 def acting_law(
-    problem: PassiveProblem, phi: Array, spring: tuple[str, ...], bootstrap: Bootstrap
+    problem: PassiveProblem, inertia: LimbInertia, spring: tuple[str, ...], bootstrap: Bootstrap
 ) -> ActingLaw | None:
     """Choose the form of the viscosity and the friction that predict held-out trials best.
 
     Parameters
     ----------
     problem : torques of one condition
-    phi : (10,) of the limb
+    inertia : of the limb
     spring : terms of a spring that may be beside them
     bootstrap : for the intervals
 
@@ -192,7 +193,7 @@ def acting_law(
     shown = Excitation.of(problem.recordings).shown
     if not shown.any():
         return None
-    freed = FreedProblem.of(problem.recordings, problem.sums, phi)
+    freed = FreedProblem.of(problem.recordings, problem.sums, inertia)
     chosen = _predicting(freed, list(_candidates(problem, freed, spring)), shown, bootstrap)
     axes = len(problem.axes)
     singles = {

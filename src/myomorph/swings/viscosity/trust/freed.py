@@ -8,18 +8,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from myomorph.body.identify.pseudo_inertia import tangents
 from myomorph.core.fit.verdict import Verdict
 from myomorph.core.model.arrays import Array, read_only
 from myomorph.swings.viscosity.identification.condition import LACKING, Influences
 from myomorph.swings.viscosity.identification.excitation import Excitation
+from myomorph.swings.viscosity.identification.inertia import LimbInertia
 from myomorph.swings.viscosity.swings.friction import FRICTIONS, WIDTH, friction_rows
-from myomorph.swings.viscosity.swings.parameter_scale import parameter_scale
 from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.swings.viscosity.swings.sums import SwingSums, predicted_torque_rows
 from myomorph.swings.viscosity.trust import law as laws
 
 ROUNDS = 8  # How often the axes are weighed anew.
-NO_ERROR = 1e3  # With which errors of the inertia, of unit torques, are next to none at first
 MIN_WEIGHT = 1e-3  # Of an axis
 FORMS = ("viscosity", "viscosity by axis", "hinges")
 """Of a joint's viscosity: one value, one an axis of the limb's first bone, one of three angles one
@@ -31,10 +31,10 @@ MOVES = 3.0
 holds any torque up to that friction, and of a slower rate not even the sign is known.
 """
 ROUNDING = 1e-6  # Share of the limb's torque: smaller misfits are all alike.
-INERTIA_ERROR = 0.01
-"""Standard deviation of the torque that an error of the inertia makes, over the limb's: about what
-step 1 leaves. An error of any size would take the torque of dampers and friction where the limb
-swings nearly in a plane, and give one axis the viscosity of another.
+INERTIA_ERROR = 0.02
+"""Relative standard deviation of the limb's distribution of mass beside the noise of its wrench:
+gains of instruments that differ by a percent put the first moment off by as much against the
+inertia, which in a slender limb is 0.017 of its distribution.
 """
 
 
@@ -122,6 +122,7 @@ class FreedProblem:
     products : (blocks, axes, n, n) of the columns [torque_rows, resistances, FRICTIONS,
         predicted_rows]
     phi : (10,) of the limb
+    errors : (9, 10) of the inertia, one standard deviation each
     trial : (blocks,) number of the trial of each
     frames : (blocks, axes) in which each moves about an axis
     parted : see `SwingSums.parted`
@@ -130,20 +131,23 @@ class FreedProblem:
 
     products: Array
     phi: Array
+    errors: Array
     trial: NDArray[np.intp]
     frames: Array
     parted: float
     alike: float
 
     @classmethod
-    def of(cls, recordings: Sequence[SwingRecording], sums: SwingSums, phi: Array) -> FreedProblem:
+    def of(
+        cls, recordings: Sequence[SwingRecording], sums: SwingSums, inertia: LimbInertia
+    ) -> FreedProblem:
         """Condense recordings.
 
         Parameters
         ----------
         recordings : of one condition
         sums : their blocks
-        phi : (10,) of the limb
+        inertia : of the limb
 
         Returns
         -------
@@ -162,13 +166,15 @@ class FreedProblem:
         rows = [columns[trial][:, use] * moves[trial][:, use, None] for trial, use in own]
         products = np.stack([each.transpose(0, 2, 1) @ each for each in rows])
         frames = np.array([moves[trial][:, use].sum(axis=1) for trial, use in own], np.float64)
+        sizes = np.einsum("baii->i", products)[-PARAMETERS:]
         first = recordings[0]
         alike = 1.0
         if first.cutoff is not None:
             alike = max(0.5 / (first.cutoff * float(np.median(np.diff(first.time)))), 1.0)
         return cls(
             products=products,
-            phi=phi,
+            phi=inertia.parameters,
+            errors=inertia_errors(inertia, alike, sizes),
             trial=sums.trial,
             frames=frames,
             parted=sums.parted,
@@ -187,42 +193,33 @@ class FreedProblem:
         -------
         the law, friction and what they leave
         """
-        axes = self.products.shape[1]
         counts = np.ones(len(self.trial)) if counts is None else counts
         products = np.tensordot(counts, self.products, axes=1)
-        basis = self._basis(acting, products)
+        basis = self._basis(acting)
         by_axis = basis.columns.T @ products @ basis.columns
         frames = np.maximum(counts @ self.frames, 1.0)
-        weights = np.ones(axes)
-        ridge = NO_ERROR
-        # Columns of errors have unit torques, the first one that of the limb.
-        largest = INERTIA_ERROR**2 * float(np.einsum("aij->ij", by_axis)[0, 0])
+        variance = np.maximum(by_axis[:, 0, 0], 1e-300) / frames
         for _ in range(ROUNDS):
+            weights = np.maximum(variance.min() / variance, MIN_WEIGHT)
+            ridge = self.alike * float(variance.min())
             solution = _solved(np.tensordot(weights, by_axis, axes=1), basis, ridge)
             variance = np.maximum(solution @ by_axis @ solution, 1e-300) / frames
-            weights = np.maximum(variance.min() / variance, MIN_WEIGHT)
-            ridge = self.alike * float(variance.min()) / largest
         x = solution[1 + basis.errors :]
         return FreedFit(
             law=basis.mapping @ x[: basis.mapping.shape[1]],
             friction=float(x[-1]) if acting.friction else 0.0,
             misfit=basis.columns @ solution,
-            unsure=np.sqrt(largest) * _moved(np.tensordot(weights, by_axis, axes=1), basis, ridge),
+            unsure=_moved(np.tensordot(weights, by_axis, axes=1), basis, ridge),
         )
 
-    def _basis(self, acting: ActingTerms, products: Array) -> LawBasis:
-        """Choose the columns of a law's unknowns.
-
-        Parameters
-        ----------
-        products : (axes, n, n) of all blocks that count
-        """
+    def _basis(self, acting: ActingTerms) -> LawBasis:
+        """Choose the columns of a law's unknowns."""
         mapping, groups = laws.law_columns(acting.terms, self.products.shape[1])
         sprung = any("stiffness" in term for term in acting.terms)
-        errors = np.zeros((0, PARAMETERS)) if sprung else self._errors(products)
+        errors = np.zeros((0, PARAMETERS)) if sprung else self.errors
         free = len(errors)
         law = mapping.shape[1]
-        columns = np.zeros((products.shape[-1], 1 + free + law + bool(acting.friction)))
+        columns = np.zeros((self.products.shape[-1], 1 + free + law + bool(acting.friction)))
         columns[:PARAMETERS, 0] = self.phi
         columns[-PARAMETERS:, 1 : 1 + free] = errors.T
         frictions = len(columns) - PARAMETERS - len(FRICTIONS)
@@ -329,26 +326,28 @@ class FreedProblem:
         friction = own[size:] if acting.friction else np.zeros((1, own.shape[1]))
         return np.concatenate([mapping @ own[:size], friction])
 
-    def _errors(self, products: Array) -> Array:
-        """Find possible errors of the inertia, perpendicular to `phi` in torque.
 
-        Parameters
-        ----------
-        products : (axes, n, n) of all blocks that count
+def inertia_errors(inertia: LimbInertia, alike: float, sizes: Array) -> Array:
+    """Find by how much the inertia may be off, but for its size.
 
-        Returns
-        -------
-        (directions, 10)
-        """
-        scale = np.sqrt(np.einsum("aii->i", products)[-PARAMETERS:])
-        scale[0] = 0.0  # Mass makes no torque.
-        # A column of rounding would be one of noise, were it scaled to a unit torque.
-        largest = parameter_scale(scale)
-        seen = scale > ROUNDING * largest
-        across = np.linalg.svd((self.phi * scale)[seen][None])[2][1:]
-        errors = np.zeros((len(across), PARAMETERS))
-        errors[:, seen] = across / scale[seen]
-        return errors
+    Parameters
+    ----------
+    inertia : of the limb
+    alike : frames whose noise counts as that of one
+    sizes : (10,) squares of the torque that each parameter makes
+
+    Returns
+    -------
+    (9, 10) independent errors of one standard deviation
+    """
+    body = inertia.parameters
+    changes = tangents(body[None])[0]
+    by_noise = np.linalg.solve(changes, np.sqrt(alike) * inertia.spread)
+    by_instruments = INERTIA_ERROR * np.eye(PARAMETERS)
+    directions, values, _ = np.linalg.svd(np.hstack([by_noise, by_instruments]))
+    root = changes @ directions * values
+    across = np.linalg.svd(((sizes * body) @ root)[None])[2][1:]
+    return np.asarray(across @ root.T)
 
 
 def _solved(products: Array, basis: LawBasis, ridge: float) -> Array:

@@ -13,7 +13,11 @@ import numpy as np
 
 from myomorph.core.model.arrays import Array, read_only, runs
 from myomorph.core.model.errors import check_name
-from myomorph.swings.viscosity.identification.inertia import InertiaOptions, limb_inertia
+from myomorph.swings.viscosity.identification.inertia import (
+    InertiaOptions,
+    LimbInertia,
+    limb_inertia,
+)
 from myomorph.swings.viscosity.swings.recording import PARAMETERS, SwingRecording
 from myomorph.swings.viscosity.swings.sums import SwingSums, swing_sums
 
@@ -307,7 +311,16 @@ class PassiveProblem:
         -------
         (10,)
         """
-        return limb_inertia(self.sums, counts, self.inertial, self.noise).parameters
+        return self.inertia(counts).parameters
+
+    def inertia(self, counts: Array) -> LimbInertia:
+        """Identify the limb from the wrench of some blocks, with its precision.
+
+        Parameters
+        ----------
+        counts : (blocks,) how often each counts
+        """
+        return limb_inertia(self.sums, counts, self.inertial, self.noise)
 
     def fit(self, terms: Sequence[str], counts: Array, parameters: Array) -> tuple[Array, Array]:
         """Fit a law to the torques of some blocks.

@@ -16,7 +16,7 @@ from myomorph.core.model.arrays import Array, read_only
 from myomorph.core.model.errors import BadData
 from myomorph.core.model.interval import Interval
 from myomorph.swings.viscosity.identification.condition import Influences
-from myomorph.swings.viscosity.identification.inertia import InertiaOptions, Tare
+from myomorph.swings.viscosity.identification.inertia import InertiaOptions, LimbInertia, Tare
 from myomorph.swings.viscosity.identification.torque import (
     counted_from,
     neutral_position,
@@ -139,14 +139,14 @@ class Judges(NamedTuple):
     Attributes
     ----------
     slack : rotation from the given zero of angles to where they are counted from
-    phi : (10,) parameters of the limb
+    inertia : of the limb
     counts : (blocks, blocks) how often each block counts where one is left out
     parameters : (blocks, 10) of the limb, one block left out
     held_out : windows in turn
     """
 
     slack: Rotation
-    phi: Array
+    inertia: LimbInertia
     counts: Array
     parameters: Array
     held_out: tuple[HeldOut, ...]
@@ -308,7 +308,7 @@ def compare_passive_laws(
     if not problem.sums.muscles:
         spring = tuple(term for term in chosen.terms if term.startswith("stiffness"))
         bootstrap = Bootstrap(draws=options.draws, seed=options.seed)
-        acting = acting_law(problem, judges.phi, spring, bootstrap)
+        acting = acting_law(problem, judges.inertia, spring, bootstrap)
     return PassiveComparison(
         fits=fits, chosen=chosen, by_bic=by_bic, verdict=verdict, prediction=shown, acting=acting
     )
@@ -321,7 +321,7 @@ def _judges(problem: PassiveProblem, slack: Rotation, options: PassiveOptions) -
     left_out = windows(problem.recordings, problem.sums, options.horizon, options.held_out)
     return Judges(
         slack=slack,
-        phi=problem.parameters(np.ones(blocks)),
+        inertia=problem.inertia(np.ones(blocks)),
         counts=counts,
         parameters=np.array([problem.parameters(block) for block in counts]),
         held_out=tuple(
@@ -337,9 +337,9 @@ def _fits(
     """Fit all laws; criteria are above the lowest."""
     laws = _applicable(problem)
     every = np.ones(len(problem.sums))
-    solutions = [problem.fit(terms, every, judges.phi) for terms in laws]
+    solutions = [problem.fit(terms, every, judges.inertia.parameters) for terms in laws]
     richest, _ = min(solutions, key=lambda solution: float(solution[1]))
-    left = problem.left(judges.phi, PassiveLaw.of(richest, options.width))
+    left = problem.left(judges.inertia.parameters, PassiveLaw.of(richest, options.width))
     effective = variance_samples(left)
     samples = problem.samples(every)
     fits = []
