@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from myomorph.body.identify.pseudo_inertia import tangents
 from myomorph.lab.cli.program import main
 from myomorph.swings.viscosity.identification.excitation import NOT_SHOWN
 from myomorph.swings.viscosity.identification.identify import ViscosityOptions, identify_specimen
@@ -14,9 +15,10 @@ from myomorph.swings.viscosity.identification.inertia import InertiaOptions, lim
 from myomorph.swings.viscosity.study.joint_law import with_acting
 from myomorph.swings.viscosity.study.specimen_step import read_specimen
 from myomorph.swings.viscosity.swings.parameter_scale import parameter_scale
-from myomorph.swings.viscosity.swings.sums import swing_sums
+from myomorph.swings.viscosity.swings.sums import predicted_rows, swing_sums
 from myomorph.swings.viscosity.trust.acting import ActingLaw
 from myomorph.swings.viscosity.trust.checks import plate_zero, recording_findings
+from myomorph.swings.viscosity.trust.freed import INERTIA_ERROR, inertia_errors
 from myomorph.swings.viscosity.trust.models import PassiveOptions, compare_passive_laws
 from truths.bench_joint import write_bench
 from truths.mechanical_joint import GRAVITY, JointExperiment, mechanical_joint
@@ -97,6 +99,47 @@ def test_a_bench_hinge_comes_back_by_the_command(tmp_path, capsys, friction):
     assert ("law: one viscosity with dry friction" in said.out) == bool(friction)
     assert not any("no limb below" in note or "constant moment" in note for note in report.notes)
     assert report.row["mass_muscles_removed"].holds(joint.truth.mass)
+
+
+@pytest.mark.parametrize("seed", [502, 503, 505, 506])
+def test_the_inertia_along_a_bent_limb_is_found_though_friction_holds_it(seed):
+    """A limb is no straight cylinder, and what friction lets go about one axis is no noise."""
+    experiment = JointExperiment(seconds=8.0, friction=FRICTION, spin=0.0, trials=1)
+    joint = mechanical_joint("ball", DAMPING, 0.0, seed, experiment=experiment)
+    swings = [replace(each, cutoff=10.0) for each in joint.swings(10.0)]
+    sums = swing_sums(swings)
+    (rows,) = predicted_rows(swings, sums.frames_of_trials)
+    np.testing.assert_array_equal(rows.rows, swings[0].wrench_rows)
+    limb = limb_inertia(sums, None, InertiaOptions(tare="known"))
+    assert limb.parameters[6] == pytest.approx(joint.truth.parameters[6], rel=0.06)
+
+
+def test_a_bent_limb_on_a_ball_that_rubs_keeps_its_viscosity():
+    """Its inertia along its length was a fifth too small, and the viscosity 8 % with it."""
+    experiment = JointExperiment(seconds=12.0, friction=FRICTION)
+    joint = mechanical_joint("ball", DAMPING, 0.0, 701, experiment=experiment)
+    swings = [replace(each, cutoff=13.0) for each in joint.swings(13.0)]
+    acting = compare_passive_laws(swings, FEW).acting
+    assert acting is not None
+    assert acting.friction == "about each axis"
+    assert acting.coefficients["viscosity"].value == pytest.approx(DAMPING, rel=0.03)
+    assert acting.coefficients["viscosity"].holds(DAMPING)
+
+
+def test_errors_of_the_inertia_are_those_of_noise_and_instruments_but_for_its_size():
+    """They are drawn from the normal distribution of all, given that the size is right."""
+    joint = mechanical_joint("ball", DAMPING, 0.0, 501, experiment=JointExperiment(seconds=8.0))
+    limb = limb_inertia(swing_sums(joint.swings(10.0)))
+    squares = np.array([0.0, 3.0, 2.0, 1.0, 5.0, 4.0, 0.2, 0.1, 0.3, 0.4])
+    errors = inertia_errors(limb, 4.0, squares)
+    size = squares * limb.parameters
+    np.testing.assert_allclose(errors @ size, 0.0, atol=1e-12)
+    by_noise = 4.0 * limb.spread @ limb.spread.T
+    changes = INERTIA_ERROR * tangents(limb.parameters[None])[0]
+    every = by_noise + changes @ changes.T
+    along = every @ size
+    given = every - np.outer(along, along) / (size @ along)
+    np.testing.assert_allclose(errors.T @ errors, given, atol=1e-9 * np.abs(every).max())
 
 
 @pytest.mark.parametrize("trials", [1, 3])

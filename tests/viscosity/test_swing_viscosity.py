@@ -245,7 +245,8 @@ class Straight(Made):
         return np.array([2.0, 0.0, -0.84, 0.0, 0.46, 0.0016, 0.46, 0.0, 0.0, 0.0])
 
 
-def test_axes_that_do_not_turn_do_not_shrink_the_others(monkeypatch):
+@pytest.mark.parametrize("cutoff", [None, 20.0])
+def test_axes_that_do_not_turn_do_not_shrink_the_others(monkeypatch, cutoff):
     """Noise makes their inertia appear small.
 
     Of a possible body no inertia is larger than the other two together.
@@ -257,7 +258,7 @@ def test_axes_that_do_not_turn_do_not_shrink_the_others(monkeypatch):
         remade(one, wrench=one.wrench + 0.03 * random.standard_normal(one.wrench.shape))
         for one in exact
     ]
-    swings = shaken(plate, random, 1.0)
+    swings = [replace(each, cutoff=cutoff) for each in shaken(plate, random, 1.0)]
     errors = []
     for share in (swing_prediction.SPEED_THRESHOLD, 0.0):
         monkeypatch.setattr(swing_prediction, "SPEED_THRESHOLD", share)

@@ -80,8 +80,8 @@ class ViscosityOptions(InertiaOptions):
         constant force and moment in every trial, as after taring with the limb on the plate, so
         that the mass is not identifiable and the limb's moment is
     prior_sd : relative standard deviation of the prior of the limb's inertia: a uniform cylinder
-        from the joint through the estimated mass center to twice its distance, with a tenth of that
-        distance as radius
+        from the joint through the estimated mass center to twice its distance, with three tenths of
+        that distance as radius, as a limb may be bent
     instruments : estimate the inertia by instrumental variables (the acceleration predicted from
         the state), which the noise of twice differentiated markers does not bias; otherwise by
         ordinary least squares as in the paper

@@ -109,13 +109,13 @@ class FreedProblem:
         torque_rows phi + predicted_rows N delta = -law - c friction
 
     with errors delta of the inertia in all directions but phi itself, whose size torques do not
-    show: what step 1 leaves of them is larger than friction, and than all torques about the limb's
-    own length. They act on the acceleration that the state predicts (`predicted_rows`): on the
-    measured one, whose noise is a good part of the torque about the limb's own length, least
-    squares would choose the inertia that makes least of the noise, and with it too little
-    viscosity about that axis. Each axis counts by what it leaves. Friction passes the low-pass of
-    the motion. A law with a spring has no delta, which would take it. The size of delta is known
-    to `INERTIA_ERROR`.
+    show: what step 1 leaves of them makes torques as large as friction. How large each may be
+    follows from the noise of the wrench and `INERTIA_ERROR`. They act on the acceleration that the
+    state predicts (`predicted_rows`): on the measured one, whose noise is a good part of the torque
+    about the limb's own length, least squares would choose the inertia that makes least of the
+    noise, and with it too little viscosity about that axis. Each axis counts by what it leaves.
+    Friction passes the low-pass of the motion. A law with a spring has no delta, which would take
+    it.
 
     Attributes
     ----------
