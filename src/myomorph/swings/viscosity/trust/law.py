@@ -314,11 +314,15 @@ class PassiveProblem:
         return self.inertia(counts).parameters
 
     def inertia(self, counts: Array) -> LimbInertia:
-        """Identify the limb from the wrench of some blocks, with its precision.
+        """Identify the limb from the wrench of some blocks.
 
         Parameters
         ----------
         counts : (blocks,) how often each counts
+
+        Returns
+        -------
+        its parameters, and how far these may be off
         """
         return limb_inertia(self.sums, counts, self.inertial, self.noise)
 
