@@ -202,8 +202,16 @@ def _frame(count: int) -> SimpleNamespace:
     return frame
 
 
+@pytest.fixture
+def heard():
+    """Let Ctrl-C be heard, which a shell's background has ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.skipif(os.name != "posix", reason="Windows has no signal to oneself but Ctrl-C")
-def test_the_first_signal_asks_and_the_second_interrupts():
+def test_the_first_signal_asks_and_the_second_interrupts(heard):
     with asked_to_end() as ended:
         os.kill(os.getpid(), signal.SIGINT)
         assert ended.wait(5.0)

@@ -53,7 +53,7 @@ class Plan:
 
 
 def corners(side: str) -> np.ndarray:
-    """Make the corners of a sole that is as long as the laboratory's model says.
+    """Make the corners of the sole that is pressed on, a little inside the body's own.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def corners(side: str) -> np.ndarray:
     """
     sign = 1.0 if side == "r" else -1.0
     low = -fighter.SOLE_HEIGHT
-    return np.array([(x, low, sign * z) for x in (0.005, 0.12) for z in (-0.02, 0.025)])
+    return np.array([(x, low, sign * z) for x in (-0.05, 0.16) for z in (-0.03, 0.04)])
 
 
 def step_up(height: float, seed: int) -> Plan:

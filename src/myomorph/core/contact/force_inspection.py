@@ -91,8 +91,9 @@ class FootPoses:
             pose = standing_poses(self.model)[foot.heel]
             ahead = pose.rotation.T @ foot.axes[:, 0]
             rotations, origins = self.pose_of(foot.heel)
-            heels.append(origins)
-            tips.append(origins + TIP * foot.length * rotations @ ahead)
+            heel = origins + rotations @ pose.inverse().apply(foot.origin)
+            heels.append(heel)
+            tips.append(heel + TIP * foot.length * rotations @ ahead)
         return np.stack(heels, axis=1), np.stack(tips, axis=1)
 
     @cached_property
