@@ -147,7 +147,7 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     from myomorph.swings.demo import truth_of
     from myomorph.swings.simulate.shoulder import virtual_specimen
     from myomorph.swings.viscosity.cohort import specimen_row
-    from myomorph.swings.viscosity.identification.identify import identify_specimen
+    from myomorph.swings.viscosity.identification.identify import MeasuredMuscles, identify_specimen
     from myomorph.swings.viscosity.tracking.track import track
     from myomorph.swings.viscosity.tracking.tracked import swing_recordings
     from myomorph.swings.viscosity.trust.cutoff import choose_cutoff
@@ -165,9 +165,8 @@ def specimen_run(given: tuple[int, bool]) -> SpecimenRun:
     without = swing_recordings(tracked[0], cutoff, muscles=False)
     intact = swing_recordings(tracked[1], cutoff, muscles=True)
     pcsa = dict(zip(specimen.muscles, specimen.isometric_forces.tolist(), strict=True))
-    found = identify_specimen(
-        made.published.name, without, intact, pcsa, made.published.measured_muscle_mass
-    )
+    measured = MeasuredMuscles(pcsa=pcsa, mass=made.published.measured_muscle_mass)
+    found = identify_specimen(made.published.name, without, intact, measured)
     assert found.without is not None
     assert found.intact is not None
     assert found.muscles is not None
