@@ -68,7 +68,7 @@ def test_every_module_has_its_page(site):
 def test_fields_of_docstrings_are_descriptions_and_not_types(site):
     """What stands behind a field's colon is its description; its type is that of the annotation."""
     page = (site / "reference" / "core" / "motion" / "ik.html").read_text(encoding="utf-8")
-    before = page[: page.index("at most so many in a frame")]
+    before = page[: page.index("maximum number of iterations per frame")]
     assert ">int<" in before[before.rindex("iterations") :]
 
 
