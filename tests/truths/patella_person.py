@@ -23,14 +23,13 @@ WAY = np.array([0.975, -0.223, 0.0])
 """Out from the knee's axis on a patella of Rajagopal's model, which turns by half of the knee."""
 MIDDLE = np.array([0.0072, 0.0264, 0.0])
 """Of the muscle paths there [m]."""
+TRUNK = ("RASI", "LASI", "RPSI", "LPSI", "RACR", "LACR", "C7", "CLAV")
+LEG = ("TH1", "TH2", "TH3", "LFC", "MFC", "TB1", "TB2", "TB3", "LMAL", "MMAL")
+FOOT = ("CAL", "TOE", "MT5")
 PLACED = (
-    *("RASI", "LASI", "RPSI", "LPSI", "RACR", "LACR", "C7", "CLAV"),
-    *(
-        f"{side}{name}"
-        for side in "RL"
-        for name in ("TH1", "TH2", "TH3", "LFC", "MFC", "TB1", "TB2", "TB3", "LMAL", "MMAL")
-    ),
-    *(f"{side}{name}" for side in "RL" for name in ("CAL", "TOE", "MT5")),
+    *TRUNK,
+    *(f"{side}{name}" for side in "RL" for name in LEG),
+    *(f"{side}{name}" for side in "RL" for name in FOOT),
 )
 BONY = ("ASI", "PSI", "LFC", "MFC", "LMAL", "MMAL", "CAL")
 RADII = (0.0055, 0.0068, 0.0075, 0.0085, 0.0100)

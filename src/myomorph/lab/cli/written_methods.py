@@ -22,7 +22,7 @@ from typing import Any
 from myomorph.core.model.cache_folder import kernel_folder
 
 NAME = "methods-{}.code"
-"""Of the file, with the number by which Python tells its versions of compiled code."""
+"""Name of the file, with the number of Python's form of compiled code."""
 DIGEST_BYTES = 32
 MOST_TEXTS = 5000
 """Above this number of texts, which sources under change leave behind, a file begins anew."""
