@@ -108,9 +108,10 @@ def hidden_coordinates(
         hidden = partial(
             _hidden_in_sets, tree, problem, values, _samples(groups, known, range(len(sets)))
         )
-        blind = hidden(np.full(len(sets), faint)) & ~pulled
-        less = np.where(whole, faint, weak)
-        flags = blind | (hidden(less) & ~hidden(less, np.any(seen, axis=0)) & ~pulled)
+        limits = np.array([np.full(len(sets), faint), np.where(whole, faint, weak)])
+        blind, flags = hidden(limits) & ~pulled
+        # A hidden marker hides only what it would show.
+        flags = blind | (flags & ~hidden(limits[1:], np.any(seen, axis=0))[0])
     return Hidden(
         flags=flags[groups] & known[:, None],
         always=always,
@@ -138,23 +139,23 @@ def _hidden_in_sets(
     problem : of all frames
     values : (frames, coordinates) [rad or m]
     samples : frames of each set
-    limits : (sets,) movement of the markers below which a direction is hidden [m]
+    limits : (limits, sets) movement of the markers below which a direction is hidden [m]
     seen : (markers,) that are taken for seen in all of them; None for those of each set
 
     Returns
     -------
-    (sets, variables)
+    (limits, sets, variables)
     """
     if seen is not None:
         observed = np.broadcast_to(
             np.where(seen[:, None], 0.0, np.nan), problem.markers.observed.shape
         )
         problem = problem.with_markers(observed=observed)
-    hidden = np.zeros((len(samples), len(problem.free)), bool)
+    hidden = np.zeros((*limits.shape, len(problem.free)), bool)
     for start in range(0, len(samples), AT_ONCE):
         each = _information(tree, problem, values, samples[start : start + AT_ONCE])
         for number, information in enumerate(each, start):
-            hidden[number] = hidden_by(information, limits[number])
+            hidden[:, number] = [hidden_by(information, limit) for limit in limits[:, number]]
     return hidden
 
 
