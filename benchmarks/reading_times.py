@@ -342,9 +342,13 @@ def _cost_here(chosen: Any, path: Path) -> Cost:
 
 
 def _slope(sizes: Sequence[int], costs: Sequence[float]) -> float:
-    """Return the slope of the logarithms of the last two costs over those of their sizes."""
+    """Return the slope of the logarithms of the last two costs over those of their sizes.
+
+    A file that is refused at once may take less than a sound one.
+    """
     smaller = max(costs[-2], LEAST_COST)
-    return math.log(costs[-1] / smaller) / math.log(sizes[-1] / sizes[-2])
+    larger = max(costs[-1], LEAST_COST)
+    return math.log(larger / smaller) / math.log(sizes[-1] / sizes[-2])
 
 
 if __name__ == "__main__":
